@@ -1,0 +1,26 @@
+"""Directional vertex relaxation: finite-element meshes with better worst elements, and never a worse mesh.
+
+    import dvr_cli
+    smoothed, report = dvr_cli.smooth(meshio.read("part.vtk"))
+
+Names are loaded when first used, so that importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from dvr_cli.api import compare, quality_report, smooth
+
+__all__ = ["compare", "quality_report", "smooth"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from dvr_cli import api
+
+    return getattr(api, name)

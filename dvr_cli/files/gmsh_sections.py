@@ -1,0 +1,122 @@
+"""The sections of a Gmsh MSH file, and its header.
+
+A file is a sequence of ``$Name`` ... ``$EndName``. Sections may come in any order, and unknown ones are
+passed over, but text outside every section is refused: it is what a damaged section looks like.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from dvr_cli.errors import InputError
+
+_OPENING = re.compile(rb"\s*\$(\w+)[^\n]*\n")
+_BLANK = re.compile(rb"\s*\Z")
+_ONCE = {"MeshFormat", "PhysicalNames", "Entities", "PartitionedEntities", "Nodes", "Elements", "Periodic"}
+_VIEWS = {"NodeData", "ElementData"}
+
+
+class Section(NamedTuple):
+    """Where a section lies: ``data[start:stop]`` is its body, ``data[opening:end]`` includes its markers."""
+
+    name: str
+    opening: int
+    start: int
+    stop: int
+    end: int
+
+
+class Sections(NamedTuple):
+    """The sections dvr reads: those that occur at most once by name, and the views in file order.
+
+    $ParametricNodes of MSH 2 takes the place of $Nodes and is found under that name.
+    """
+
+    once: dict[str, Section]
+    views: list[Section]
+
+
+class Header(NamedTuple):
+    """What $MeshFormat says: the format's version, and the byte order of a binary file ("" for ASCII)."""
+
+    version: str
+    byte_order: str
+
+
+def find_sections(data: bytes) -> Sections:
+    """Locate the sections of a file; InputError if it is not made of sections or repeats one."""
+    once: dict[str, Section] = {}
+    views: list[Section] = []
+    end = 0
+    while not _BLANK.match(data, end):
+        section = _next_section(data, end)
+        end = section.end
+        key = "Nodes" if section.name == "ParametricNodes" else section.name
+        if key in _VIEWS:
+            views.append(section)
+        elif key in _ONCE and once.setdefault(key, section) is not section:
+            raise InputError(f"the file has more than one ${key} section")
+    return Sections(once, views)
+
+
+def _next_section(data: bytes, at: int) -> Section:
+    match = _OPENING.match(data, at)
+    if match is None:
+        if at == 0:
+            raise InputError("not a Gmsh mesh: it does not begin with $MeshFormat")
+        found = data[at : at + 40].split(maxsplit=1)[0].decode("ascii", "backslashreplace")
+        raise InputError(f"a section such as $Nodes is expected where {found!r} stands")
+    name = match[1].decode("ascii", "backslashreplace")
+    if name in ("NOD", "ELM"):
+        raise InputError(
+            "MSH format 1 is not supported: convert it with 'gmsh IN -save -format msh41 -o OUT'"
+        )
+    start = match.end()
+    stop = data.find(b"$End" + match[1], start)
+    if stop < 0:
+        raise InputError(f"section ${name} has no $End{name}: the file is truncated or damaged")
+    return Section(name, match.start(1) - 1, start, stop, stop + len(b"$End" + match[1]))
+
+
+def read_header(data: bytes, sections: Sections) -> Header:
+    """Read $MeshFormat; InputError for versions other than 2.0 to 2.2 and 4.1, refused by name."""
+    section = sections.once.get("MeshFormat")
+    if section is None:
+        raise InputError("the file has no $MeshFormat section")
+    line, _, rest = data[section.start : section.stop].partition(b"\n")
+    fields = line.split()
+    if len(fields) != 3 or fields[1] not in (b"0", b"1"):
+        raise InputError("section $MeshFormat is damaged")
+    version = fields[0].decode("ascii", "backslashreplace")
+    if version not in ("2", "2.0", "2.1", "2.2", "4.1"):
+        raise InputError(
+            f"MSH format {version} is not supported (2.2 and 4.1 are): "
+            "convert it with 'gmsh IN -save -format msh41 -o OUT'"
+        )
+    if fields[1] == b"0":
+        return Header(version, "")
+    if fields[2] != b"8":
+        raise InputError("binary MSH files with a data size other than 8 are not supported")
+    byte_order = {b"\x01\0\0\0": "<", b"\0\0\0\x01": ">"}.get(rest[:4])
+    if byte_order is None:
+        raise InputError("section $MeshFormat is damaged: it does not give the byte order")
+    return Header(version, byte_order)
+
+
+def read_line(data: bytes, at: int, section: Section) -> tuple[bytes, int]:
+    """The line of text that begins at ``at`` in a section, stripped, and where the next one begins."""
+    newline = data.find(b"\n", at, section.stop)
+    if newline < 0:
+        raise InputError(f"section ${section.name} is truncated or damaged")
+    return data[at:newline].strip(), newline + 1
+
+
+def read_count(data: bytes, at: int, section: Section) -> tuple[int, int]:
+    """The non-negative integer that stands alone on the line at ``at``, and where the next line begins."""
+    line, after = read_line(data, at, section)
+    if not re.fullmatch(rb"\d{1,18}", line):
+        raise InputError(
+            f"section ${section.name} is damaged: a count is expected where {line[:20]!r} stands"
+        )
+    return int(line), after

@@ -1,0 +1,169 @@
+"""The domain: what of a mesh can be relaxed, checked and brought into the form the mathematics uses.
+
+Cells of the highest dimension are relaxed. Cells of lower dimension mark boundaries, interfaces and embedded
+features; their vertices are not interior, nor are those on a facet that does not separate exactly two cells
+of one region.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvr_cli.errors import InputError
+from dvr_cli.mesh.corners import DIMENSION, Corners, corners_of
+from dvr_cli.mesh.facets import Facets, facets_of
+from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.mesh.orientation import mirrored_cells, with_mirrored
+from dvr_cli.mesh.plane import Plane, plane_of
+from dvr_cli.mesh.regions import regions_of
+from dvr_cli.mesh.simplex import corner_measures
+
+LOWER = ("vertex", "line", "line3", "line4")  # cells of dimension below 2 that may come along
+SURFACE = ("triangle", "quad")
+_SECOND_ORDER = {
+    *("triangle6", "triangle7", "quad8", "quad9", "tetra10", "tetra14", "hexahedron20", "hexahedron24"),
+    *("hexahedron27", "wedge12", "wedge15", "wedge18", "pyramid13", "pyramid14"),
+}
+
+
+@dataclass(frozen=True)
+class Domain:
+    """The part of a mesh that relaxation works on.
+
+    points: (N, d) coordinates, d = 2 or 3; those of a planar mesh are taken in its plane.
+    cells: blocks of the cells of dimension d, oriented coherently and positively.
+    cell_ids: (n,) their ids in the mesh: positions counted from 0 through all its blocks.
+    corners: the corners of these cells.
+    region: (n,) region number of each.
+    interior: (N,) bool, the vertices that are neither on a boundary, an interface nor a lower cell.
+    mirrored: how many cells are stored inside out (they stay so in any output).
+    plane: the plane of a two-dimensional mesh, None for a volume mesh.
+    """
+
+    points: np.ndarray
+    cells: list[Cells]
+    cell_ids: np.ndarray
+    corners: Corners
+    region: np.ndarray
+    interior: np.ndarray
+    mirrored: int
+    plane: Plane | None
+
+    @property
+    def dimension(self) -> int:
+        """d: 2 or 3."""
+        return self.corners.dimension
+
+    @property
+    def cell_types(self) -> np.ndarray:
+        """(n,) meshio's type name of each cell."""
+        return np.repeat([block.type for block in self.cells], [len(block.vertices) for block in self.cells])
+
+    def flatten(self, points: np.ndarray) -> np.ndarray:
+        """Coordinates (N, d) of points given as the mesh gives them."""
+        return points if self.plane is None else self.plane.flatten(points)
+
+    def lift(self, points: np.ndarray, flat: np.ndarray) -> np.ndarray:
+        """``points``, given as the mesh gives them, moved to the coordinates ``flat`` (N, d)."""
+        return flat if self.plane is None else self.plane.lift(points, flat)
+
+
+def domain_of(mesh: Mesh) -> Domain:
+    """Check a mesh and find its domain.
+
+    Raises InputError for a mesh without planar or volume cells, with coordinates that are not finite, with
+    cells that name missing vertices or one vertex twice, or with cells that cannot be relaxed (second-order
+    cells, polygons, surfaces that are not planar).
+    """
+    dimension = max((DIMENSION.get(block.type, 0) for block in mesh.cells if len(block.vertices)), default=0)
+    _check_types(mesh, dimension)
+    _check_values(mesh)
+    chosen = [b for b, block in enumerate(mesh.cells) if DIMENSION.get(block.type) == dimension]
+    stored = [Cells(mesh.cells[b].type, mesh.cells[b].vertices.astype(np.int32)) for b in chosen]
+    first = np.concatenate([[0], np.cumsum([len(block.vertices) for block in mesh.cells])])
+    points, plane = mesh.points, None
+    if dimension == 2:
+        plane = plane_of(mesh.points[_used(mesh, chosen)])
+        if plane is None:
+            raise InputError(
+                "the surface is not planar: dvr relaxes planar and volume meshes, not curved surfaces"
+            )
+        points = plane.flatten(mesh.points)
+    facets = facets_of(stored)
+    as_stored = corners_of(stored, dimension)
+    measures = np.add.reduceat(corner_measures(points, as_stored), as_stored.first[:-1])
+    mirrored = mirrored_cells(measures, facets)
+    cells = with_mirrored(stored, mirrored)
+    region = regions_of(mesh, chosen)
+    return Domain(
+        points=np.ascontiguousarray(points, dtype=np.float64),
+        cells=cells,
+        cell_ids=np.concatenate([np.arange(first[b], first[b + 1]) for b in chosen]),
+        corners=corners_of(cells, dimension) if mirrored.any() else as_stored,
+        region=region,
+        interior=_interior(mesh, chosen, facets, region),
+        mirrored=int(mirrored.sum()),
+        plane=plane,
+    )
+
+
+def _interior(mesh: Mesh, chosen: list[int], facets: Facets, region: np.ndarray) -> np.ndarray:
+    interior = np.zeros(len(mesh.points), dtype=bool)
+    for b in chosen:
+        interior[mesh.cells[b].vertices] = True
+    begin = facets.start[:-1]
+    shared = facets.shared_by
+    inside = shared == 2
+    pair = begin[inside]
+    inside[inside] = region[facets.cell[pair]] == region[facets.cell[pair + 1]]
+    outer = facets.vertices[begin[~inside]]
+    interior[outer[outer >= 0]] = False
+    for b, block in enumerate(mesh.cells):
+        if b not in chosen:
+            interior[block.vertices] = False
+    return interior
+
+
+def _used(mesh: Mesh, chosen: list[int]) -> np.ndarray:
+    used = np.zeros(len(mesh.points), dtype=bool)
+    for b in chosen:
+        used[mesh.cells[b].vertices] = True
+    return used
+
+
+def _check_types(mesh: Mesh, dimension: int) -> None:
+    types = [block.type for block in mesh.cells if len(block.vertices)]
+    for name in types:
+        if name in _SECOND_ORDER:
+            raise InputError(f"second-order cells ({name}) are not supported; use linear cells")
+        if name not in DIMENSION and name not in LOWER:
+            raise InputError(f"cells of type {name!r} are not supported")
+    if not types:
+        raise InputError("the mesh has no cells")
+    if dimension == 0:
+        raise InputError(f"the mesh has only {' and '.join(sorted(set(types)))} cells: nothing to relax")
+
+
+def _check_values(mesh: Mesh) -> None:
+    bad = np.flatnonzero(~np.isfinite(mesh.points).all(axis=1))
+    if len(bad):
+        raise InputError(f"the coordinates of vertex {bad[0]} (counted from 0) are not finite")
+    first = 0
+    for block in mesh.cells:
+        vertices = block.vertices
+        if not len(vertices):
+            continue
+        if vertices.min() < 0 or vertices.max() >= len(mesh.points):
+            row = int(np.flatnonzero(((vertices < 0) | (vertices >= len(mesh.points))).any(axis=1))[0])
+            raise InputError(
+                f"cell {first + row} ({block.type}) names a vertex that does not exist; "
+                f"there are {len(mesh.points)} vertices"
+            )
+        ascending = np.sort(vertices, axis=1)
+        twice = (ascending[:, 1:] == ascending[:, :-1]).any(axis=1)
+        if twice.any():
+            row = int(twice.argmax())
+            raise InputError(f"cell {first + row} ({block.type}) names one vertex twice")
+        first += len(vertices)

@@ -1,0 +1,79 @@
+"""Facets: the sides that cells share with their neighbours, or that lie on the boundary.
+
+A facet is an edge of a triangle or quadrilateral, a face of a volume element. Two cells are neighbours when
+they have a facet with the same vertices; a facet of one cell only lies on the boundary.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvr_cli.mesh.mesh import Cells
+
+# Vertices in positive order: outward by the right-hand rule, counterclockwise for planar cells.
+FACETS: dict[str, tuple[tuple[int, ...], ...]] = {
+    "triangle": ((0, 1), (1, 2), (2, 0)),
+    "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
+    "tetra": ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)),
+    "hexahedron": ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
+    "wedge": ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
+    "pyramid": ((0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
+}
+
+
+@dataclass(frozen=True)
+class Facets:
+    """All facets of a mesh, once for each cell that has them, with equal ones next to each other.
+
+    vertices: (F, w) point indices in positive order, w the largest facet; shorter ones end in -1.
+    cell: (F,) the cell each belongs to.
+    start: (G + 1,) facets with the same vertices are start[g] .. start[g+1].
+    """
+
+    vertices: np.ndarray
+    cell: np.ndarray
+    start: np.ndarray
+
+    @property
+    def shared_by(self) -> np.ndarray:
+        """(G,) how many cells have each facet: 1 on the boundary, 2 inside."""
+        return np.diff(self.start)
+
+
+def facets_of(blocks: list[Cells]) -> Facets:
+    """The facets of blocks of linear cells of one dimension; cells are numbered through the blocks."""
+    width = max((len(facet) for block in blocks for facet in FACETS[block.type]), default=2)
+    vertices, cells, first = [], [], 0
+    for block in blocks:
+        number = np.arange(first, first + len(block.vertices))
+        first += len(block.vertices)
+        for facet in FACETS[block.type]:
+            side = np.full((len(number), width), -1, dtype=np.int32)
+            side[:, : len(facet)] = block.vertices[:, facet]
+            vertices.append(side)
+            cells.append(number)
+    all_vertices = np.concatenate(vertices) if vertices else np.empty((0, width), dtype=np.int32)
+    cell = np.concatenate(cells) if cells else np.empty(0, dtype=np.int64)
+    order, new = _sorted_rows(np.sort(all_vertices, axis=1))
+    start = np.append(np.flatnonzero(new), len(cell))
+    return Facets(all_vertices[order], cell[order].astype(np.int32), start)
+
+
+def _sorted_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """An order that puts equal rows together, and for each place in it whether a new row begins there."""
+    n = int(rows.max(initial=0)) + 2  # entries run from -1
+    keys = []
+    room = 0
+    for column in rows.T:  # pack as many columns into each 63-bit key as fit
+        if room < n:
+            keys.append(np.zeros(len(rows), dtype=np.int64))
+            room = 2**63 - 1
+        keys[-1] = keys[-1] * n + (column.astype(np.int64) + 1)
+        room //= n
+    order = np.argsort(keys[0]) if len(keys) == 1 else np.lexsort(keys)
+    new = np.ones(len(rows), dtype=bool)
+    if len(rows) > 1:
+        new[1:] = np.any([key[order][1:] != key[order][:-1] for key in keys], axis=0)
+    return order, new

@@ -1,0 +1,82 @@
+"""Orientation: which cells are stored inside out, told apart from cells that are inverted.
+
+Mesh files store cells in either orientation: TetGen and Stellar files often have every tetrahedron negative,
+a Delaunay code may give each triangle either sign. Two neighbours are stored alike when their common facet
+runs in opposite directions in them. Following this from neighbour to neighbour orients each connected part
+of the mesh up to one sign, and that sign is the one that makes the measure of the part positive. A cell that
+is still negative then is inverted: its vertices lie where they should not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.mesh.corners import MIRROR
+from dvr_cli.mesh.facets import Facets
+from dvr_cli.mesh.mesh import Cells
+
+
+def mirrored_cells(measures: np.ndarray, facets: Facets) -> np.ndarray:
+    """(n,) bool: the cells whose stored order has to be mirrored to orient the mesh coherently.
+
+    measures: (n,) signed measure of each cell as stored, in any positive scale.
+    """
+    if (measures > 0).all():
+        return np.zeros(len(measures), dtype=bool)
+    if (measures < 0).all():
+        return np.ones(len(measures), dtype=bool)
+    pair = facets.start[:-1][facets.shared_by == 2]
+    one, other = facets.cell[pair].astype(np.int64), facets.cell[pair + 1].astype(np.int64)
+    alike = ~_same_direction(facets.vertices[pair], facets.vertices[pair + 1])
+    # node 2c stands for "cell c as stored", node 2c+1 for its mirror image
+    left = np.concatenate([2 * one, 2 * one + 1])
+    right = np.concatenate([2 * other + ~alike, 2 * other + alike])
+    label = connected_parts(2 * len(measures), left, right)
+    as_stored, mirrored = label[0::2], label[1::2]
+    # The two labels of a cell name the two ways to orient its part. Adding up the measures under the smaller
+    # of them gives the sign of that way; a part that cannot be oriented (both labels equal) stays as stored.
+    way = np.where(as_stored <= mirrored, 1.0, -1.0)
+    total = np.zeros(2 * len(measures))
+    np.add.at(total, np.minimum(as_stored, mirrored), way * measures)
+    good_way = np.where(total[np.minimum(as_stored, mirrored)] >= 0, 1.0, -1.0)
+    return (way != good_way) & (as_stored != mirrored)
+
+
+def with_mirrored(blocks: list[Cells], mirrored: np.ndarray) -> list[Cells]:
+    """The blocks with the cells marked in ``mirrored`` ((n,) bool through all blocks) turned inside out."""
+    if not mirrored.any():
+        return blocks
+    result, first = [], 0
+    for block in blocks:
+        here = mirrored[first : first + len(block.vertices)]
+        first += len(block.vertices)
+        turned = np.where(here[:, None], block.vertices[:, MIRROR[block.type]], block.vertices)
+        result.append(Cells(block.type, turned))
+    return result
+
+
+def connected_parts(n: int, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """(n,) smallest node of the connected part of each node, in the graph with edges left[i]-right[i]."""
+    label = np.arange(n)
+    while True:
+        low = np.minimum(label[left], label[right])
+        before = label.copy()
+        np.minimum.at(label, left, low)
+        np.minimum.at(label, right, low)
+        np.minimum.at(label, before[left], low)  # hook whole trees: few rounds
+        np.minimum.at(label, before[right], low)
+        while (label[label] != label).any():
+            label = label[label]
+        if (label == before).all():
+            return label
+
+
+def _same_direction(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(G,) whether facets with the same vertices ((G, w), short ones end in -1) run the same way round."""
+    rows = np.arange(len(a))
+    length = (a >= 0).sum(axis=1)
+    where = (b == a[:, :1]).argmax(axis=1)  # position of a's first vertex in b
+    following = b[rows, (where + 1) % length]
+    if a.shape[1] == 2:
+        return where == 0
+    return following == a[:, 1]

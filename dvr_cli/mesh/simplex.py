@@ -1,0 +1,70 @@
+"""Edges, normals and measures of simplices, written over coordinate components.
+
+A vector is a list of d arrays of any one shape, and each sum is taken in a fixed order, so that every engine
+gets the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from dvr_cli.mesh.corners import Corners
+
+Components = Sequence[np.ndarray]
+
+_CHUNK = 1 << 16  # simplices evaluated at a time: bounds the memory on large meshes
+
+
+def dot(a: Components, b: Components) -> np.ndarray:
+    """Scalar product of two vectors given by components, summed in component order."""
+    total = a[0] * b[0]
+    for i in range(1, len(a)):
+        total = total + a[i] * b[i]
+    return total
+
+
+def subtract(a: Components, b: Components) -> list[np.ndarray]:
+    """a - b, component by component."""
+    return [ai - bi for ai, bi in zip(a, b, strict=True)]
+
+
+def opposite_normal(ends: Sequence[Components]) -> list[np.ndarray]:
+    """The normal n of the facet spanned by the d ends of a corner's edges, with det E = e_0 · n.
+
+    It does not depend on the corner's own vertex: moving that vertex along u changes det E by -λ u·n.
+    """
+    a = subtract(ends[1], ends[0])
+    if len(ends) == 2:
+        return [a[1], -a[0]]
+    b = subtract(ends[2], ends[0])
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def corner_measures(points: np.ndarray, corners: Corners) -> np.ndarray:
+    """Determinant of the edges of every corner (d! times its simplex's measure): (C,) float64.
+
+    points: (N, d) coordinates.
+    """
+    measure = np.empty(len(corners.vertices))
+    for chunk in chunks(len(measure)):
+        measure[chunk] = edges_and_determinant(points, corners.vertices[chunk])[1]
+    return measure
+
+
+def chunks(n: int) -> Iterator[slice]:
+    """Slices that cut range(n) into pieces of bounded size."""
+    return (slice(lo, lo + _CHUNK) for lo in range(0, n, _CHUNK))
+
+
+def edges_and_determinant(
+    points: np.ndarray, vertices: np.ndarray
+) -> tuple[list[list[np.ndarray]], np.ndarray]:
+    """The d edges of each simplex from its first vertex, by components, and their determinant (n,).
+
+    points: (N, d); vertices: (n, d+1).
+    """
+    own, *ends = ([points[:, i][vertex] for i in range(points.shape[1])] for vertex in vertices.T)
+    edges = [subtract(end, own) for end in ends]
+    return edges, dot(edges[0], opposite_normal(ends))

@@ -1,0 +1,58 @@
+"""The mean ratio of corners and elements (paper section 3.1, DESIGN section 2 "Corners").
+
+Everything is written over coordinate *components* (lists of d arrays of any one shape), with each sum in a
+fixed order, so that every engine gets the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dvr_cli.mesh.corners import SHAPES, Corners
+from dvr_cli.mesh.simplex import Components, chunks, dot, edges_and_determinant
+
+
+def weighted_norm(edges: Sequence[Components], norm: Sequence[np.ndarray]) -> np.ndarray:
+    """s = Σ_jk M_jk e_j·e_k, with the coefficients of ``ShapeTable.norm``."""
+    d = len(edges)
+    total = norm[0] * dot(edges[0], edges[0])
+    for j in range(1, d):
+        total = total + norm[j] * dot(edges[j], edges[j])
+    pair = d
+    for j in range(d):
+        for k in range(j + 1, d):
+            total = total + norm[pair] * dot(edges[j], edges[k])
+            pair += 1
+    return total
+
+
+def mean_ratio(v: np.ndarray, s: np.ndarray, dimension: int) -> np.ndarray:
+    """Q = sgn(v) |v|^(2/d) / s, in [-1, 1]; 0 where the corner is degenerate, also where it is a point."""
+    power = v if dimension == 2 else np.sign(v) * np.square(np.cbrt(v))
+    return np.divide(power, s, out=np.zeros_like(power), where=s > 0)
+
+
+def corner_qualities(points: np.ndarray, corners: Corners) -> np.ndarray:
+    """Mean ratio of every corner: (C,) float64.
+
+    points: (N, d) coordinates.
+    """
+    d = corners.dimension
+    table = SHAPES[d].norm
+    quality = np.empty(len(corners.vertices))
+    for chunk in chunks(len(quality)):
+        edges, v = edges_and_determinant(points, corners.vertices[chunk])
+        s = weighted_norm(edges, table[corners.shapes[chunk, 0]].T)
+        quality[chunk] = mean_ratio(v, s, d)
+    return quality
+
+
+def element_qualities(points: np.ndarray, corners: Corners) -> np.ndarray:
+    """Quality of every cell, the minimum over its corners: (n_cells,) float64 in [-1, 1].
+
+    points: (N, d) coordinates.
+    """
+    quality = corner_qualities(points, corners)
+    return np.minimum.reduceat(quality, corners.first[:-1]) if len(quality) else quality

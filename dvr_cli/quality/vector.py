@@ -1,0 +1,33 @@
+"""The quality vector of a mesh and the ordering of such vectors (paper sections 2.2 and 3.4)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.mesh.corners import Corners
+
+
+def ring_minima(corner_quality: np.ndarray, corners: Corners, n_points: int) -> np.ndarray:
+    """(N,) minimum quality in the ring of each vertex; infinite for a vertex without corners.
+
+    corner_quality: (C,) quality of each corner.
+    """
+    minima = np.full(n_points, np.inf)
+    for vertex in corners.vertices.T:
+        np.minimum.at(minima, vertex, corner_quality)
+    return minima
+
+
+def first_difference(a: np.ndarray, b: np.ndarray) -> int | None:
+    """0-based position of the first component in which two quality vectors differ, None if they are equal.
+
+    a, b: (m,) sorted ascending. The paper's ordering (eq. 2) is decided by this component.
+    """
+    different = np.flatnonzero(a != b)
+    return int(different[0]) if len(different) else None
+
+
+def at_least(a: np.ndarray, b: np.ndarray) -> bool:
+    """Whether a ≥ b in the paper's ordering of quality vectors (eq. 2); both (m,) sorted ascending."""
+    where = first_difference(a, b)
+    return where is None or bool(a[where] > b[where])

@@ -1,0 +1,196 @@
+"""Direction fields: the vectors d(k, i) along which vertex i moves in sweep k (paper sections 2.5.4 and 5).
+
+A field is asked once a sweep for the directions of the relaxed vertices. Directions have unit length; a zero
+vector leaves its vertex where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from dvr_cli.errors import UsageError
+from dvr_cli.mesh.domain import Domain
+
+# (sweep k from 0, coordinates (n, d) of the relaxed vertices, their indices (n,)) -> (n, d)
+DirectionField = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
+
+NAMES = ("random", "x", "y", "z", "axis", "circumferential", "radial")
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """The rows of ``vectors`` (n, d) scaled to length one; zero rows stay zero."""
+    largest = np.abs(vectors).max(
+        axis=1, keepdims=True
+    )  # scaled first, so that no square over- or underflows
+    scaled = np.divide(vectors, largest, out=np.zeros_like(vectors), where=largest > 0)
+    length = np.sqrt((scaled * scaled).sum(axis=1, keepdims=True))
+    return np.divide(scaled, length, out=np.zeros_like(vectors), where=length > 0)
+
+
+def random_field(dimension: int, n_points: int, seed: int) -> DirectionField:
+    """Directions drawn uniformly anew for each vertex and sweep, from a generator keyed by (seed, sweep)."""
+
+    def field(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+        generator = np.random.Generator(np.random.Philox(key=[seed, sweep + 1]))
+        # drawn for every vertex of the mesh, so that a vertex's direction does not depend on I_R or its order
+        return unit(generator.standard_normal((n_points, dimension))[vertices])
+
+    return field
+
+
+def constant_field(vector: np.ndarray) -> DirectionField:
+    """One direction (d,) for all vertices and sweeps."""
+    direction = unit(np.asarray(vector, dtype=np.float64)[None, :])
+
+    def field(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+        return np.repeat(direction, len(vertices), axis=0)
+
+    return field
+
+
+def radial_field(center: np.ndarray, axis: np.ndarray | None) -> DirectionField:
+    """Away from ``center`` (d,) in 2D, away from the line through it along ``axis`` (3,) in 3D."""
+
+    def field(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+        offset = points - center
+        if axis is not None:
+            offset = offset - (offset @ axis)[:, None] * axis
+        return unit(offset)
+
+    return field
+
+
+def circumferential_field(center: np.ndarray, axis: np.ndarray | None) -> DirectionField:
+    """Around ``center`` (d,) in 2D, (-y, x)/r as in the paper's section 5.2; around ``axis`` (3,) in 3D."""
+
+    def field(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+        offset = points - center
+        if axis is None:
+            return unit(np.stack([-offset[:, 1], offset[:, 0]], axis=1))
+        return unit(np.cross(axis, offset))
+
+    return field
+
+
+def array_field(vectors: np.ndarray, period: int = 1) -> DirectionField:
+    """Given directions: (N, d) for every sweep, or (K, N, d), one of the K after the other.
+
+    period: the field is asked in every period-th sweep only.
+    """
+    frames = vectors if vectors.ndim == 3 else vectors[None]
+
+    def field(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+        return unit(frames[sweep // period % len(frames)][vertices])
+
+    return field
+
+
+def direction_field(
+    entries: Sequence[str | np.ndarray],
+    domain: Domain,
+    point_data: Mapping[str, np.ndarray],
+    seed: int = 0,
+    center: Sequence[float] | None = None,
+    axis: Sequence[float] | None = None,
+) -> DirectionField:
+    """The direction field of a list of entries, one a sweep, cycled.
+
+    entries: names (see NAMES), "field:NAME" for a vector field in ``point_data``, or arrays (N, d) or
+        (K, N, d); vectors with three components are projected into the plane of a planar mesh.
+    center, axis: for "circumferential" and "radial"; default the centroid of the points and the z axis.
+
+    Raises UsageError for unknown names and arrays of wrong shape or with values that are not finite.
+    """
+    expanded: list[str | np.ndarray] = []
+    for entry in entries:
+        if isinstance(entry, str) and entry == "axis":
+            expanded += ["x", "y", "z"][: domain.dimension]
+        else:
+            expanded.append(entry)
+    if not expanded:
+        raise UsageError("directions: none given")
+    middle = domain.points.mean(axis=0) if center is None else _in_domain(center, "center", domain)
+    around = None
+    if domain.dimension == 3:
+        around = unit(np.array([axis if axis is not None else (0.0, 0.0, 1.0)], dtype=np.float64))[0]
+        if not around.any():
+            raise UsageError("axis: must not be the zero vector")
+
+    def field_of(entry: str | np.ndarray) -> DirectionField:
+        if not isinstance(entry, str):
+            return array_field(_flat_vectors(entry, "array", domain), len(expanded))
+        if entry == "random":
+            return random_field(domain.dimension, len(domain.points), seed)
+        if entry in ("x", "y", "z"):
+            return constant_field(_coordinate_axis(entry, domain))
+        if entry == "circumferential":
+            return circumferential_field(middle, around)
+        if entry == "radial":
+            return radial_field(middle, around)
+        if entry.startswith("field:"):
+            name = entry.removeprefix("field:")
+            if name not in point_data:
+                there = ", ".join(sorted(point_data)) or "none"
+                raise UsageError(f"directions {entry}: no such point field; there are: {there}")
+            return array_field(_flat_vectors(np.asarray(point_data[name]), entry, domain), len(expanded))
+        raise UsageError(
+            f"directions: unknown name {entry!r}; known: {', '.join(NAMES)}, file:PATH, field:NAME"
+        )
+
+    fields = [field_of(entry) for entry in expanded]
+    return lambda sweep, points, vertices: fields[sweep % len(fields)](sweep, points, vertices)
+
+
+def _coordinate_axis(name: str, domain: Domain) -> np.ndarray:
+    number = "xyz".index(name)
+    space = 3 if domain.plane is None else domain.plane.axes.shape[1]
+    vector = np.eye(space)[number : number + 1] if number < space else np.zeros((1, space))
+    flat = domain.flatten(vector)[0]
+    if np.abs(flat).max() < 1e-9:
+        raise UsageError(f"directions {name}: perpendicular to the plane of the mesh; no vertex could move")
+    return flat
+
+
+def _in_domain(values: Sequence[float], name: str, domain: Domain) -> np.ndarray:
+    point = np.array([values], dtype=np.float64)
+    space = 3 if domain.plane is None else domain.plane.axes.shape[1]
+    if point.shape[1] == 2 and space == 3 and domain.plane is not None:
+        point = np.append(point, [[0.0]], axis=1)
+    if point.shape != (1, space) or not np.isfinite(point).all():
+        raise UsageError(f"{name}: {space} finite numbers are needed")
+    return domain.flatten(point)[0]
+
+
+def _flat_vectors(vectors: np.ndarray, name: str, domain: Domain) -> np.ndarray:
+    """Given directions as (N, d) or (K, N, d) in the coordinates of the domain."""
+    dimensions = [2, 3] if domain.plane is not None else [3]
+    checked = _checked_vectors(vectors, len(domain.points), dimensions, name)
+    if domain.plane is None or checked.shape[-1] == domain.plane.axes.shape[1] == 2:
+        return checked
+    if checked.shape[-1] == 2:
+        checked = np.concatenate([checked, np.zeros((*checked.shape[:-1], 1))], axis=-1)
+    return domain.flatten(checked.reshape(-1, checked.shape[-1])).reshape(*checked.shape[:-1], 2)
+
+
+def _checked_vectors(vectors: np.ndarray, n_points: int, dimensions: Sequence[int], name: str) -> np.ndarray:
+    """``vectors`` as float64 if they have shape (N, d) or (K, N, d) with d in ``dimensions``, all finite.
+
+    Raises UsageError that names ``name`` and the fault.
+    """
+    if vectors.dtype.kind not in "fiub":
+        raise UsageError(f"directions {name}: not numbers")
+    vectors = vectors.astype(np.float64)
+    allowed = " or ".join(str(d) for d in dimensions)
+    if vectors.ndim not in (2, 3) or vectors.shape[-2] != n_points or vectors.shape[-1] not in dimensions:
+        raise UsageError(
+            f"directions {name}: shape {vectors.shape} is neither (N, d) nor (K, N, d) "
+            f"with N = {n_points} vertices and d = {allowed}"
+        )
+    if vectors.ndim == 3 and not len(vectors):
+        raise UsageError(f"directions {name}: no sweeps in it")
+    bad = np.argwhere(~np.isfinite(vectors))
+    if len(bad):
+        raise UsageError(f"directions {name}: not finite at vertex {bad[0][-2]} (counted from 0)")
+    return vectors

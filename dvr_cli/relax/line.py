@@ -1,0 +1,285 @@
+"""The line problem, solved for many vertices at once (paper section 3.2, DESIGN section 2).
+
+Moving a vertex by λ along d, each corner of its ring has v(λ) = v0 + v1 λ and s(λ) = s0 + 2 s1 λ + s2 λ²,
+and its quality is Q = v^(2/d) / s. Instead of maximising min Q the largest badness
+
+    B = s/v = 1/Q  in 2D,        B = s³/v² = 1/Q³  in 3D,
+
+is minimised: no roots or powers. On the interval where every v is positive each 1/Q is convex, so the
+largest B falls up to the solution and rises after it. A bracket [l, r] is kept with the corner that is worst
+at each end: a at l, where it falls, and b at r, where it rises. The minimum λ of the larger of these two is
+a lower bound on the badness that can be reached; when no other corner is worse at λ, it is the solution, and
+otherwise the worst corner there takes the place of a or b.
+
+Arrays have shape (K, n): K corners a ring (short rings repeat their last corner, which changes nothing), n
+vertices. The compiled engine does the same operations in the same order, vertex by vertex.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvr_cli.mesh.simplex import Components, dot, opposite_normal, subtract
+from dvr_cli.quality.mean_ratio import weighted_norm
+
+GAIN = 1e-12  # relative growth of min Q below which a vertex is left where it is
+ROUNDING = 1e-13  # bound on the relative rounding error of B, in units of sqrt(B) (3D) or B (2D)
+MAX_ROUNDS = 60  # exchanges of a bracket corner; about 3 are usual
+MAX_NEWTON = 60  # steps towards the crossing of two corners; about 5 are usual
+CROSSED = 1e-13  # relative difference at which two corners count as equal
+
+
+@dataclass
+class Lines:
+    """The coefficients of v and s of every corner along its vertex's line: (K, n) each.
+
+    s2 may have shape (1, n): it is the same for all corners of one target shape.
+    """
+
+    v0: np.ndarray
+    v1: np.ndarray
+    s0: np.ndarray
+    s1: np.ndarray
+    s2: np.ndarray
+    dimension: int
+
+    def of(self, corner: np.ndarray, vertices: np.ndarray) -> Lines:
+        """The lines of one corner of each vertex: (n,) each."""
+        s2 = self.s2[corner, vertices] if len(self.s2) > 1 else self.s2[0, vertices]
+        v0, v1, s0, s1 = (c[corner, vertices] for c in (self.v0, self.v1, self.s0, self.s1))
+        return Lines(v0, v1, s0, s1, s2, self.dimension)
+
+    def taken(self, vertices: np.ndarray) -> Lines:
+        """All corners of some of the vertices."""
+        v0, v1, s0, s1, s2 = (c[..., vertices] for c in (self.v0, self.v1, self.s0, self.s1, self.s2))
+        return Lines(v0, v1, s0, s1, s2, self.dimension)
+
+    def v(self, at: np.ndarray) -> np.ndarray:
+        """v(λ)."""
+        return self.v0 + self.v1 * at
+
+    def s(self, at: np.ndarray) -> np.ndarray:
+        """s(λ)."""
+        return self.s0 + at * (2.0 * self.s1 + self.s2 * at)
+
+    def badness(self, at: np.ndarray) -> np.ndarray:
+        """B(λ), infinite where v is not positive."""
+        return badness(self.v(at), self.s(at), self.dimension)
+
+    def slope(self, at: np.ndarray) -> np.ndarray:
+        """A number with the sign of dB/dλ where v > 0: s'v·d/2 - s v'."""
+        half = self.dimension * (self.s1 + self.s2 * at)
+        return half * self.v(at) - self.v1 * self.s(at)
+
+    def lowest(self) -> np.ndarray:
+        """The one λ with v > 0 at which B is smallest: where the slope, a quadratic, grows through zero."""
+        d = self.dimension
+        a = (d - 1) * self.s2 * self.v1
+        b = d * self.s2 * self.v0
+        if d == 3:
+            b = b + self.s1 * self.v1
+        c = d * self.s1 * self.v0 - self.s0 * self.v1
+        root = np.sqrt(np.maximum(b * b - 4.0 * a * c, 0.0))
+        return np.where(b > 0, -2.0 * c / (b + root), (root - b) / (2.0 * a))
+
+    def root(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """v, and t with B = t/v (2D) or (t/v)² (3D), and dt/dλ."""
+        s = self.s(at)
+        slope = 2.0 * (self.s1 + self.s2 * at)
+        if self.dimension == 2:
+            return self.v(at), s, slope
+        root = np.sqrt(s)
+        return self.v(at), s * root, 1.5 * root * slope
+
+
+def badness(v: np.ndarray, s: np.ndarray, dimension: int) -> np.ndarray:
+    """B of corners with determinant v and norm s: 1/Q^(d(d-1)/2), infinite where v is not positive."""
+    ratio = s / v if dimension == 2 else s * s * s / (v * v)
+    return np.where(v > 0, ratio, np.inf)
+
+
+def coefficients(
+    x: Components,
+    direction: Components,
+    ends: Sequence[Components],
+    norm: Sequence[np.ndarray],
+    slope: Sequence[np.ndarray],
+    curvature: np.ndarray,
+) -> Lines:
+    """The lines of all corners of n vertices at ``x`` that move along ``direction``.
+
+    x, direction: d components (n,); ends: the d other vertices of each corner, d components (K, n) each;
+    norm, slope, curvature: the corner's row of the shape table, each entry (K, n) or of shape (1, 1).
+    """
+    d = len(x)
+    edges = [subtract(end, x) for end in ends]
+    normal = opposite_normal(ends)
+    along = slope[0] * dot(direction, edges[0])
+    for j in range(1, d):
+        along = along + slope[j] * dot(direction, edges[j])
+    return Lines(
+        v0=dot(edges[0], normal),
+        v1=-dot(direction, normal),
+        s0=weighted_norm(edges, norm),
+        s1=-along,
+        s2=curvature * dot(direction, direction),
+        dimension=d,
+    )
+
+
+def maximise_minimum(lines: Lines) -> tuple[np.ndarray, np.ndarray]:
+    """λ that maximises the ring's minimum quality, for each of n vertices; 0 where it should stay.
+
+    Returns (λ, B at λ = 0), both (n,). A vertex stays when its ring is not all positive for any λ, or when at
+    λ = 0 corners that are worst to within GAIN pull both ways, so that no λ can gain more than GAIN.
+    """
+    n = lines.v0.shape[1]
+    step = np.zeros(n)
+    with np.errstate(all="ignore"):  # corners at or beyond their barrier are dealt with by np.where
+        barrier = -lines.v0 / lines.v1
+        lows = np.where(lines.v1 > 0, barrier, -np.inf)
+        highs = np.where(lines.v1 < 0, barrier, np.inf)
+        low, high = lows.max(axis=0), highs.min(axis=0)
+        possible = (low < high) & ~((lines.v1 == 0) & (lines.v0 <= 0)).any(axis=0)
+
+        now = badness(lines.v0, lines.s0, lines.dimension)
+        worst_now = now.max(axis=0)
+        slope_now = lines.dimension * lines.s1 * lines.v0 - lines.s0 * lines.v1
+        tight = now >= worst_now * (1.0 - GAIN)
+        stuck = (tight & (slope_now >= 0)).any(axis=0) & (tight & (slope_now <= 0)).any(axis=0)
+        positive = worst_now < np.inf
+        active = np.flatnonzero(possible & ~(positive & stuck))
+        if len(active):
+            lines = lines.taken(active)
+            low_corner, high_corner = lows[:, active].argmax(axis=0), highs[:, active].argmin(axis=0)
+            step[active] = _exchange(
+                lines, low[active], high[active], low_corner, high_corner, positive[active]
+            )
+    return step, worst_now
+
+
+def _exchange(
+    lines: Lines,
+    low: np.ndarray,
+    high: np.ndarray,
+    low_corner: np.ndarray,
+    high_corner: np.ndarray,
+    start_here: np.ndarray,
+) -> np.ndarray:
+    """λ of each vertex, all of whose corners are positive on (low, high), by exchanging bracket corners."""
+    n = len(low)
+    result = np.zeros(n)
+    which = np.arange(n)
+    at = np.where(start_here, 0.0, _inside(lines, low, high, low_corner, high_corner))
+    left, a = low.copy(), low_corner.copy()
+    right, b = high.copy(), high_corner.copy()
+    bound = np.zeros(n)  # the larger badness of the bracket corners at ``at``
+    for _ in range(MAX_ROUNDS):
+        all_badness = lines.badness(at)
+        worst = all_badness.argmax(axis=0)
+        column = np.arange(len(at))
+        largest = all_badness[worst, column]
+        result[which] = at
+        going = (largest > bound * (1.0 + GAIN)) & (largest < np.inf)
+        if not going.any():
+            break
+        if not going.all():
+            keep = np.flatnonzero(going)
+            lines = lines.taken(keep)
+            which, at, worst, left, right, a, b = (
+                array[keep] for array in (which, at, worst, left, right, a, b)
+            )
+            column = np.arange(len(at))
+        falling = lines.of(worst, column).slope(at) < 0
+        left, a = np.where(falling, at, left), np.where(falling, worst, a)
+        right, b = np.where(falling, right, at), np.where(falling, b, worst)
+        first, second = lines.of(a, column), lines.of(b, column)
+        at = _lower_envelope(first, second, left, right)
+        bound = np.maximum(
+            np.where(left > -np.inf, first.badness(at), 0.0),
+            np.where(right < np.inf, second.badness(at), 0.0),
+        )
+    return result
+
+
+def _inside(
+    lines: Lines, low: np.ndarray, high: np.ndarray, low_corner: np.ndarray, high_corner: np.ndarray
+) -> np.ndarray:
+    """A point of (low, high): the middle, or one corner size from the only end there is."""
+    column = np.arange(len(low))
+    lower, upper = lines.of(low_corner, column), lines.of(high_corner, column)
+    after = low + np.sqrt(np.maximum(lower.s0 / lower.s2, 0.0))
+    before = high - np.sqrt(np.maximum(upper.s0 / upper.s2, 0.0))
+    middle = 0.5 * (low + high)
+    return np.where(
+        high == np.inf, np.where(low == -np.inf, 0.0, after), np.where(low == -np.inf, before, middle)
+    )
+
+
+def _lower_envelope(a: Lines, b: Lines, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """λ in [left, right] that minimises the larger B of corner a, falling at left, and b, rising at right.
+
+    Where left is -∞ there is no corner a, and where right is ∞ no corner b.
+    """
+    bottom_a, bottom_b = a.lowest(), b.lowest()
+    no_a, no_b = left == -np.inf, right == np.inf
+    at_a = no_b | ((bottom_a < right) & (b.badness(bottom_a) <= a.badness(bottom_a)))
+    at_b = no_a | ((bottom_b > left) & (a.badness(bottom_b) <= b.badness(bottom_b)))
+    result = np.where(no_a, bottom_b, np.where(at_a, bottom_a, bottom_b))
+    cross = np.flatnonzero(~(at_a | at_b))
+    if len(cross):
+        start = np.maximum(left, bottom_b)[cross]
+        end = np.minimum(right, bottom_a)[cross]
+        result[cross] = _crossing(a.taken(cross), b.taken(cross), start, end)
+    return result
+
+
+def _crossing(a: Lines, b: Lines, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The λ in [left, right] where corner a, falling, and corner b, rising, are equally bad.
+
+    Newton's method on h = t_a v_b - t_b v_a, whose sign is that of B_a - B_b, kept inside a shrinking
+    bracket by bisection.
+    """
+    result = np.empty(len(left))
+    which = np.arange(len(left))
+    at = 0.5 * (left + right)
+    for _ in range(MAX_NEWTON):
+        va, ta, dta = a.root(at)
+        vb, tb, dtb = b.root(at)
+        one, other = ta * vb, tb * va
+        h = one - other
+        result[which] = at
+        going = np.abs(h) > CROSSED * one
+        if not going.any():
+            break
+        dh = (dta * vb + ta * b.v1) - (dtb * va + tb * a.v1)
+        left = np.where(h > 0, at, left)
+        right = np.where(h > 0, right, at)
+        newton = at - h / dh
+        at = np.where((newton > left) & (newton < right), newton, 0.5 * (left + right))
+        going &= (at > left) & (at < right)
+        keep = np.flatnonzero(going)
+        if len(keep) < len(going):
+            a, b = a.taken(keep), b.taken(keep)
+            which, at, left, right = which[keep], at[keep], left[keep], right[keep]
+    return result
+
+
+def improves(before: np.ndarray, after: np.ndarray, dimension: int) -> np.ndarray:
+    """Whether the largest badness of a ring fell so far that its min Q grew, whatever the rounding.
+
+    before, after: (n,) largest B of the ring, infinite where it is not all positive. The relative rounding
+    error of v grows with the flatness of a corner, hence of B with sqrt(B) (3D) or B (2D): the margin covers
+    it, so that min Q grows for any other order of the same arithmetic too, and no sign is in doubt.
+    """
+    margin = 1.5 * dimension * GAIN + ROUNDING * _flatness(before, dimension)
+    certain = ROUNDING * _flatness(after, dimension) < 0.5
+    with np.errstate(invalid="ignore"):
+        return certain & ((before == np.inf) | (after * (1.0 + margin) < before))
+
+
+def _flatness(b: np.ndarray, dimension: int) -> np.ndarray:
+    return b if dimension == 2 else np.sqrt(b)

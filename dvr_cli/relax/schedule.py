@@ -1,0 +1,95 @@
+"""The schedule: which vertices may be updated together, and in what sequence (DESIGN "Independence").
+
+Two relaxed vertices depend on each other when they share a corner. A batch holds independent vertices only;
+updating it at once gives what updating its vertices one after the other would.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.mesh.csr import row_entries
+from dvr_cli.mesh.rings import Rings
+
+ORDERS = ("coloured", "natural", "shuffled")
+
+_COLOURS_AT_ONCE = 62  # colours looked at together, as the bits of a positive int64
+
+
+def batches(rings: Rings, n_points: int, order: str, seed: int) -> list[np.ndarray]:
+    """The batches of one sweep: arrays of positions in ``rings``, together each position once.
+
+    order: "natural" reproduces the one-by-one sequence of the paper's Algorithm 1 in the order of ``rings``;
+    "shuffled" the same for a random order drawn from ``seed`` (paper section 5.1, Fig. 11); "coloured" takes
+    greedy colours instead, which are far fewer and larger. Within a batch rings are sorted by size.
+    """
+    m = len(rings.vertices)
+    number = np.full(n_points, -1, dtype=np.int32)
+    number[rings.vertices] = np.arange(m)
+    neighbours = number[rings.others]  # with repetitions, which do no harm below
+    if order == "natural":
+        rank = np.arange(m)
+    elif order == "shuffled":
+        rank = np.random.Generator(np.random.Philox(key=[seed, 0])).permutation(m)
+    else:
+        rank = _scattered(m)
+    levels = _levels(rings.start, neighbours, rank)
+    sets = _colours(rings.start, neighbours, levels) if order == "coloured" else levels
+    sizes = rings.sizes
+    return [members[np.lexsort((members, sizes[members]))] for members in sets]
+
+
+def _scattered(m: int) -> np.ndarray:
+    """A fixed ranking of 0..m-1 without pattern (splitmix64), so that dependency chains stay short."""
+    x = np.arange(m, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    x = (x ^ x >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ x >> np.uint64(27)) * np.uint64(0x94D049BB133111EB)
+    x ^= x >> np.uint64(31)
+    rank = np.empty(m, dtype=np.int64)
+    rank[np.argsort(x, kind="stable")] = np.arange(m)
+    return rank
+
+
+def _levels(start: np.ndarray, neighbours: np.ndarray, rank: np.ndarray) -> list[np.ndarray]:
+    """Level sets of the dependency graph: a vertex comes after all its neighbours of lower rank.
+
+    start, neighbours: rows of (R, d) neighbour numbers, -1 for vertices that are not relaxed.
+    """
+    m = len(rank)
+    own = np.repeat(np.arange(m), np.diff(start))
+    padded_rank = np.append(rank, m)  # the number -1 looks up the last entry: later than all
+    before = padded_rank[neighbours] < rank[own][:, None]
+    waiting = np.bincount(np.repeat(own, before.sum(axis=1)), minlength=m)
+    levels = []
+    ready = np.flatnonzero(waiting == 0)
+    while len(ready):
+        levels.append(ready)
+        entries, _ = row_entries(start, ready)
+        after = neighbours[entries][~before[entries]]
+        after = after[after >= 0]
+        np.subtract.at(waiting, after, 1)
+        ready = np.unique(after[waiting[after] == 0])
+    return levels
+
+
+def _colours(start: np.ndarray, neighbours: np.ndarray, levels: list[np.ndarray]) -> list[np.ndarray]:
+    """Greedy colouring: each vertex takes the first colour that no neighbour in an earlier level has."""
+    m = len(start) - 1
+    colour = np.full(m + 1, -1)  # the last entry stands for neighbours that are not relaxed
+    for members in levels:
+        entries, begin = row_entries(start, members)
+        taken = colour[neighbours[entries]]
+        row = np.repeat(np.arange(len(members)), np.diff(begin))
+        pending, base = np.arange(len(members)), 0
+        while len(pending):
+            shift = taken - base
+            here = (shift >= 0) & (shift < _COLOURS_AT_ONCE)
+            bits = np.bitwise_or.reduce(np.where(here, 1 << np.where(here, shift, 0), 0), axis=1)
+            used = np.zeros(len(members), dtype=np.int64)
+            np.bitwise_or.at(used, row, bits)
+            free = ~used & (used + 1)  # the lowest bit that is not set
+            found = pending[free[pending] < 1 << _COLOURS_AT_ONCE]
+            colour[members[found]] = base + np.frexp(free[found])[1] - 1
+            pending = pending[colour[members[pending]] < 0]
+            base += _COLOURS_AT_ONCE
+    return [np.flatnonzero(colour[:-1] == c) for c in range(colour.max() + 1)]

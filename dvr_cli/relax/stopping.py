@@ -1,0 +1,52 @@
+"""When to stop sweeping (paper section 4.5)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from dvr_cli.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Stopping:
+    """The criteria, of which the first to be met ends the relaxation.
+
+    max_iterations: sweeps at most.
+    tol, patience: converged when Q1 grew by less than tol in each of the last ``patience`` sweeps.
+    target: stop once Q1 reaches it.
+    time_limit: seconds.
+
+    Raises UsageError for values out of range.
+    """
+
+    max_iterations: int = 100
+    tol: float = 1e-3
+    patience: int = 3
+    target: float | None = None
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if self.max_iterations < 0:
+            raise UsageError("max-iterations: must not be negative")
+        if not self.tol >= 0:
+            raise UsageError("tol: must not be negative")
+        if self.patience < 1:
+            raise UsageError("patience: must be at least 1")
+        if self.time_limit is not None and not self.time_limit >= 0:
+            raise UsageError("time-limit: must not be negative")
+
+    def reason(self, q1: Sequence[float], seconds: float) -> str | None:
+        """Why to stop now, or None; q1 holds Q1 of the input and after each sweep so far."""
+        if self.target is not None and q1[-1] >= self.target:
+            return "target"
+        growth = [after - before for before, after in pairwise(q1)][-self.patience :]
+        if len(growth) == self.patience and max(growth) < self.tol:
+            return "converged"
+        if len(q1) > self.max_iterations:
+            return "max-iterations"
+        if self.time_limit is not None and seconds >= self.time_limit:
+            return "time-limit"
+        return None

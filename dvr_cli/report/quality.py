@@ -1,0 +1,111 @@
+"""The quality report as data: what ``dvr report quality`` and the before and after of a run say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvr_cli.mesh.domain import Domain
+from dvr_cli.quality.angles import extreme_angles
+from dvr_cli.quality.mean_ratio import corner_qualities
+from dvr_cli.quality.vector import ring_minima
+
+DEGENERATE = 1e-10  # |Q| up to which an element counts as degenerate rather than positive or inverted
+QUANTILES = (0.01, 0.1, 0.5)
+HISTOGRAM_BINS = 20
+
+
+@dataclass(frozen=True)
+class WorstElement:
+    """One of the worst elements: its type, its id (position in the file from 0), quality and centroid."""
+
+    cell_type: str
+    cell: int
+    quality: float
+    centroid: list[float]
+
+
+@dataclass(frozen=True)
+class Quality:
+    """The qualities of one mesh. All qualities are mean ratios in [-1, 1]; angles are in degrees.
+
+    q1: worst quality that relaxation can touch (first component of the quality vector), None without
+        relaxed vertices. fixed_cap: worst quality among corners without a relaxed vertex, or None.
+    minimum, mean, quantiles: over all elements. histogram: (HISTOGRAM_BINS,) element counts from 0 to 1,
+        those below 0 in the first bin.
+    worst: the worst elements, worst first. vector: (m,) the quality vector, ascending (paper eq. 8), and
+    vertices: (m,) the relaxed vertex each component belongs to. elements: (n,) quality of each element.
+    """
+
+    q1: float | None
+    fixed_cap: float | None
+    minimum: float
+    mean: float
+    quantiles: dict[float, float]
+    inverted: int
+    degenerate: int
+    min_angle: float | None
+    max_angle: float | None
+    histogram: np.ndarray
+    worst: list[WorstElement]
+    vector: np.ndarray
+    vertices: np.ndarray
+    elements: np.ndarray
+
+
+def measure(domain: Domain, points: np.ndarray, relaxed: np.ndarray, worst: int = 10) -> Quality:
+    """The quality of a domain with coordinates ``points`` (given as its mesh gives them).
+
+    relaxed: (m,) indices of the relaxed vertices. worst: how many of the worst elements to list.
+    """
+    flat = domain.flatten(points)
+    corners = domain.corners
+    by_corner = corner_qualities(flat, corners)
+    elements = np.minimum.reduceat(by_corner, corners.first[:-1])
+    moves = np.zeros(len(points), dtype=bool)
+    moves[relaxed] = True
+    touched = moves[corners.vertices].any(axis=1)
+    minima = ring_minima(by_corner, corners, len(points))[relaxed]
+    order = np.lexsort((relaxed, minima))
+    low, high = extreme_angles(flat, domain.cells)
+    counts, _ = np.histogram(np.clip(elements, 0.0, 1.0), bins=HISTOGRAM_BINS, range=(0.0, 1.0))
+    return Quality(
+        q1=float(minima.min()) if len(relaxed) else None,
+        fixed_cap=float(by_corner[~touched].min()) if not touched.all() else None,
+        minimum=float(elements.min()),
+        mean=float(elements.mean()),
+        quantiles={q: float(np.quantile(elements, q)) for q in QUANTILES},
+        inverted=int((elements < -DEGENERATE).sum()),
+        degenerate=int((np.abs(elements) <= DEGENERATE).sum()),
+        min_angle=None if np.isnan(low) else low,
+        max_angle=None if np.isnan(high) else high,
+        histogram=counts,
+        worst=_worst(domain, points, elements, worst),
+        vector=minima[order],
+        vertices=relaxed[order],
+        elements=elements,
+    )
+
+
+def _worst(domain: Domain, points: np.ndarray, elements: np.ndarray, number: int) -> list[WorstElement]:
+    number = min(number, len(elements))
+    candidates = np.argpartition(elements, number - 1)[:number] if number else np.empty(0, dtype=np.int64)
+    # ties at the edge of the list would depend on the partition: take all of them, then sort by id
+    candidates = np.flatnonzero(elements <= elements[candidates].max()) if number else candidates
+    chosen = candidates[np.lexsort((candidates, elements[candidates]))][:number]
+    lengths = [len(block.vertices) for block in domain.cells]
+    first = np.concatenate([[0], np.cumsum(lengths)])
+    result = []
+    for cell in chosen:
+        block = int(np.searchsorted(first, cell, side="right")) - 1
+        vertices = domain.cells[block].vertices[cell - first[block]]
+        result.append(
+            WorstElement(
+                cell_type=domain.cells[block].type,
+                cell=int(domain.cell_ids[cell]),
+                quality=float(elements[cell]),
+                centroid=[float(x) for x in points[vertices].mean(axis=0)],
+            )
+        )
+    return result

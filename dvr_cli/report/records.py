@@ -1,0 +1,123 @@
+"""Reports as plain data for JSON: versioned by ``schema``, free of NaN, units stated."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from dvr_cli import __version__
+from dvr_cli.mesh.domain import Domain
+from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.report.quality import Quality
+
+UNITS = {"quality": "mean ratio, from -1 to 1", "angle": "degree", "seconds": "second"}
+
+
+@dataclass(frozen=True)
+class MeshSummary:
+    """What a report says of the mesh itself.
+
+    cells: number of cells by type, of all dimensions. dimension: 2 or 3. mirrored: cells stored inside out.
+    regions: how many regions its tags tell apart.
+    """
+
+    points: int
+    cells: dict[str, int]
+    dimension: int
+    mirrored: int
+    regions: int
+
+
+@dataclass(frozen=True)
+class QualityReport:
+    """The report of ``dvr report quality``."""
+
+    mesh: MeshSummary
+    relaxed: int
+    quality: Quality
+
+    def record(self, path: str | None = None) -> dict[str, Any]:
+        """The report as JSON-ready data, schema dvr.quality/1."""
+        return {
+            "schema": "dvr.quality/1",
+            "dvr_version": __version__,
+            "mesh": {"path": path, **asdict(self.mesh)},
+            "relaxed": self.relaxed,
+            "units": UNITS,
+            "quality": _quality_record(self.quality),
+            "quality_vector": self.quality.vector.tolist(),
+        }
+
+
+@dataclass(frozen=True)
+class SmoothReport:
+    """The report of ``dvr smooth``: qualities before and after, each sweep, and how it was run.
+
+    sweeps: for each its number from 1 (sweep), Q1 after it (q1), vertices moved and seconds taken.
+    stopped_because: "converged", "max-iterations", "target", "time-limit", "interrupted" or
+        "nothing-to-relax". seconds: time of the relaxation, reading and writing aside.
+    """
+
+    mesh: MeshSummary
+    relaxed: int
+    before: Quality
+    after: Quality
+    sweeps: list[dict[str, Any]]
+    stopped_because: str
+    seconds: float
+    engine: str
+    threads: int
+    options: dict[str, Any]
+
+    def record(self, path: str | None = None) -> dict[str, Any]:
+        """The report as JSON-ready data, schema dvr.smooth/1; ``quality`` is that of the result."""
+        after = _quality_record(self.after)
+        return {
+            "schema": "dvr.smooth/1",
+            "dvr_version": __version__,
+            "mesh": {"path": path, **asdict(self.mesh)},
+            "relaxed": self.relaxed,
+            "units": UNITS,
+            "quality": after,
+            "before": _quality_record(self.before),
+            "after": after,
+            "sweeps": self.sweeps,
+            "stopped_because": self.stopped_because,
+            "seconds": self.seconds,
+            "engine": self.engine,
+            "threads": self.threads,
+            "seed": self.options["seed"],
+            "options": self.options,
+            "quality_vector": self.after.vector.tolist(),
+            "quality_vector_before": self.before.vector.tolist(),
+        }
+
+
+def summarise(mesh: Mesh, domain: Domain) -> MeshSummary:
+    """The summary of a mesh and its domain."""
+    cells: dict[str, int] = {}
+    for block in mesh.cells:
+        cells[block.type] = cells.get(block.type, 0) + len(block.vertices)
+    return MeshSummary(
+        points=len(mesh.points),
+        cells=cells,
+        dimension=domain.dimension,
+        mirrored=domain.mirrored,
+        regions=int(domain.region.max(initial=0)) + 1,
+    )
+
+
+def _quality_record(quality: Quality) -> dict[str, Any]:
+    return {
+        "q1": quality.q1,
+        "fixed_cap": quality.fixed_cap,
+        "min": quality.minimum,
+        "mean": quality.mean,
+        "quantiles": {f"{q:g}": value for q, value in quality.quantiles.items()},
+        "inverted": quality.inverted,
+        "degenerate": quality.degenerate,
+        "min_angle": quality.min_angle,
+        "max_angle": quality.max_angle,
+        "histogram": quality.histogram.tolist(),
+        "worst": [asdict(element) for element in quality.worst],
+    }
