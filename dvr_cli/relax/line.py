@@ -153,11 +153,8 @@ def maximise_minimum(lines: Lines) -> tuple[np.ndarray, np.ndarray]:
         positive = worst_now < np.inf
         active = np.flatnonzero(possible & ~(positive & stuck))
         if len(active):
-            lines = lines.taken(active)
-            low_corner, high_corner = lows[:, active].argmax(axis=0), highs[:, active].argmin(axis=0)
-            step[active] = _exchange(
-                lines, low[active], high[active], low_corner, high_corner, positive[active]
-            )
+            ends = low[active], high[active], lows[:, active].argmax(axis=0), highs[:, active].argmin(axis=0)
+            step[active] = _exchange(lines.taken(active), *ends, now[:, active])
     return step, worst_now
 
 
@@ -167,41 +164,39 @@ def _exchange(
     high: np.ndarray,
     low_corner: np.ndarray,
     high_corner: np.ndarray,
-    start_here: np.ndarray,
+    now: np.ndarray,
 ) -> np.ndarray:
-    """λ of each vertex, all of whose corners are positive on (low, high), by exchanging bracket corners."""
-    n = len(low)
-    result = np.zeros(n)
-    which = np.arange(n)
+    """λ of each vertex, all of whose corners are positive on (low, high), by exchanging bracket corners.
+
+    now: (K, n) badness at λ = 0, where the search begins unless some corner is not positive there.
+    """
+    start_here = now.max(axis=0) < np.inf
     at = np.where(start_here, 0.0, _inside(lines, low, high, low_corner, high_corner))
-    left, a = low.copy(), low_corner.copy()
-    right, b = high.copy(), high_corner.copy()
-    bound = np.zeros(n)  # the larger badness of the bracket corners at ``at``
+    all_badness = now if start_here.all() else lines.badness(at)
+    result, which = at.copy(), np.arange(len(at))
+    left, a, right, b = low, low_corner, high, high_corner
+    bound = np.zeros(len(at))  # the larger badness of the bracket corners at ``at``
     for _ in range(MAX_ROUNDS):
-        all_badness = lines.badness(at)
         worst = all_badness.argmax(axis=0)
-        column = np.arange(len(at))
-        largest = all_badness[worst, column]
-        result[which] = at
-        going = (largest > bound * (1.0 + GAIN)) & (largest < np.inf)
-        if not going.any():
+        largest = all_badness[worst, np.arange(len(at))]
+        keep = np.flatnonzero((largest > bound * (1.0 + GAIN)) & (largest < np.inf))
+        if not len(keep):
             break
-        if not going.all():
-            keep = np.flatnonzero(going)
+        if len(keep) < len(at):
             lines = lines.taken(keep)
-            which, at, worst, left, right, a, b = (
-                array[keep] for array in (which, at, worst, left, right, a, b)
-            )
-            column = np.arange(len(at))
+            which, at, worst, left, right, a, b = (x[keep] for x in (which, at, worst, left, right, a, b))
+        column = np.arange(len(at))
         falling = lines.of(worst, column).slope(at) < 0
         left, a = np.where(falling, at, left), np.where(falling, worst, a)
         right, b = np.where(falling, right, at), np.where(falling, b, worst)
         first, second = lines.of(a, column), lines.of(b, column)
         at = _lower_envelope(first, second, left, right)
+        result[which] = at
         bound = np.maximum(
             np.where(left > -np.inf, first.badness(at), 0.0),
             np.where(right < np.inf, second.badness(at), 0.0),
         )
+        all_badness = lines.badness(at)
     return result
 
 

@@ -1,0 +1,117 @@
+"""The line problem against the paper's Algorithm 2 by polynomial roots, on thousands of random rings."""
+
+import numpy as np
+import pytest
+
+import oracle
+from dvr_cli.mesh.corners import ORIGIN_FIRST, target_matrix
+from dvr_cli.relax.line import badness, coefficients, improves, maximise_minimum
+
+KINDS = [
+    "2d",
+    "3d",
+    "quad",
+    "hex",
+    "wedge",
+    "pyramid",
+    "nearly_flat",
+    "tie",
+    "parallel",
+    "unbounded",
+    "tangled_solvable",
+]
+TRIALS = 200
+
+
+def lines_of(ring, x, direction):
+    """The coefficients of one ring, as the engine would compute them from the ring's points."""
+    d = len(x)
+    ends = np.empty((d, d, len(ring), 1))  # edge end, component, corner, vertex
+    norm = np.empty((d * (d + 1) // 2, len(ring), 1))
+    slope = np.empty((d, len(ring), 1))
+    curvature = np.empty((len(ring), 1))
+    for c, (points, k, target) in enumerate(ring):
+        order = ORIGIN_FIRST[d][k]
+        ends[:, :, c, 0] = points[order[1:]]
+        m = target_matrix((oracle.REGULAR_SIMPLEX[d] if target is None else target)[order])
+        norm[:, c, 0] = [*np.diag(m), *(2 * m[np.triu_indices(d, 1)])]
+        slope[:, c, 0] = m.sum(axis=1)
+        curvature[c, 0] = m.sum()
+    return coefficients(
+        [np.array([xi]) for xi in x], [np.array([di]) for di in direction], ends, norm, slope, curvature
+    )
+
+
+def minimum(ring, x, direction, step):
+    return oracle.ring_qualities(ring, x, direction, np.array([step])).min()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_solution_is_that_of_algorithm_2(kind):
+    rng = np.random.default_rng(KINDS.index(kind))
+    solved = located = 0
+    for _ in range(TRIALS):
+        ring, x, direction = oracle.random_ring(rng, kind)
+        best = oracle.line_problem(ring, x, direction)
+        step, _ = maximise_minimum(lines_of(ring, x, direction))
+        ours = minimum(ring, x, direction, step[0])
+        assert best is not None
+        there, quality = best
+        assert ours >= quality - 1e-9
+        solved += 1
+        size = np.linalg.norm(ring[0][0] - x, axis=1).max() / np.linalg.norm(direction)
+        for reach in (1e-7, 1e-6, 1e-5, 1e-4, 1e-3):  # how far off a solution with that quality can be
+            around = [minimum(ring, x, direction, there + side * reach * size) for side in (-1, 1)]
+            if quality - max(around) > 2e-9:
+                assert abs(step[0] - there) <= reach * size
+                located += 1
+                break
+    assert solved == TRIALS
+    assert located > 0.95 * TRIALS
+
+
+def test_vertices_are_left_where_no_step_makes_their_ring_positive():
+    rng = np.random.default_rng(5)
+    for _ in range(TRIALS):
+        ring, x, direction = oracle.random_ring(rng, "tangled_hopeless")
+        assert oracle.line_problem(ring, x, direction) is None
+        step, _ = maximise_minimum(lines_of(ring, x, direction))
+        assert step[0] == 0.0
+
+
+def test_a_ring_gets_the_same_step_in_any_company():
+    """Vertices are solved side by side, and none must feel its neighbours in the arrays."""
+    rng = np.random.default_rng(11)
+    rings = [oracle.random_ring(rng, "3d") for _ in range(64)]
+    lines = [lines_of(*ring) for ring in rings]
+    size = max(len(one.v0) for one in lines)
+    together = lines_of(*rings[0])
+    for name in ("v0", "v1", "s0", "s1", "s2"):
+        columns = [np.pad(getattr(one, name), ((0, size - len(one.v0)), (0, 0)), mode="edge") for one in lines]
+        setattr(together, name, np.concatenate(columns, axis=1))
+    alone = [maximise_minimum(lines_of(*ring))[0][0] for ring in rings]
+    assert maximise_minimum(together)[0].tolist() == alone
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_badness_orders_corners_as_the_mean_ratio_does(dimension):
+    rng = np.random.default_rng(dimension)
+    simplices = rng.random((500, dimension + 1, dimension))
+    quality = oracle.mean_ratio(simplices)
+    edges = simplices[:, 1:] - simplices[:, :1]
+    v = np.linalg.det(edges)
+    target = oracle.REGULAR_SIMPLEX[dimension]
+    s = np.einsum("nji,jk,nki->n", edges, target_matrix(target), edges)
+    positive = quality > 0
+    with np.errstate(divide="ignore"):
+        b = badness(v, s, dimension)
+    power = 1 if dimension == 2 else 3
+    np.testing.assert_allclose(b[positive], quality[positive] ** -float(power), rtol=1e-9)
+    assert np.isinf(b[~positive]).all()
+
+
+def test_a_gain_within_rounding_is_no_gain():
+    before = np.array([8.0, 8.0, 8.0, np.inf, np.inf, np.inf, 1e24])
+    after = np.array([8.0, 8.0 * (1 - 1e-12), 8.0 * (1 - 1e-11), 8.0, np.inf, 1e26, 0.99e24])
+    expected = [False, False, True, True, False, False, False]
+    assert improves(before, after, 3).tolist() == expected
