@@ -222,7 +222,8 @@ def line_problem(ring: Ring, x: np.ndarray, direction: np.ndarray) -> tuple[floa
         return None
     best = middle + half * t[quality.argmax()]
     # once more for the corners that decide, with polynomials centred on the optimum: sharper roots
-    few = [ring[i] for i in ring_qualities(ring, x, direction, best).argsort()[:4]]
+    qualities = ring_qualities(ring, x, direction, best)
+    few = [corner for corner, q in zip(ring, qualities, strict=True) if q < 1.001 * qualities.min()]
     for zoom in (1e-3, 1e-6):
         t, _ = candidates(few, x + best * direction, zoom * half * direction)
         steps = np.append(best + zoom * half * t, best)
