@@ -5,24 +5,25 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from dvr_cli.errors import UsageError
+from dvr_cli.errors import OutputError, UsageError
 from dvr_cli.files.arrays import read_directions
 from dvr_cli.mesh.convert import from_meshio, to_meshio
 from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
-from dvr_cli.relax.directions import direction_field
+from dvr_cli.relax.directions import Entry, check_name, direction_field
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.schedule import ORDERS
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.relax.sweeps import Sweep, relax
 from dvr_cli.report.compare import Comparison, compare_qualities
-from dvr_cli.report.quality import measure
+from dvr_cli.report.quality import Quality, measure
 from dvr_cli.report.records import QualityReport, SmoothReport, summarise
 
 if TYPE_CHECKING:
@@ -37,7 +38,8 @@ class SmoothOptions:
 
     directions: comma-separated names, an array (N, d) or (K, N, d), or a list of these, one a sweep, cycled.
     center, axis: for "circumferential" and "radial"; default the centroid of the points and the z axis.
-    order: "coloured", "natural" or "shuffled". stopping: when to stop. seed: for random directions and order.
+    order: "coloured", "natural" or "shuffled". seed: for random directions and the shuffled order.
+    straighten: take curved second-order cells as straight. stopping: when to stop.
     """
 
     directions: Directions = "random"
@@ -45,37 +47,45 @@ class SmoothOptions:
     axis: Sequence[float] | None = None
     order: str = "coloured"
     seed: int = 0
+    straighten: bool = False
     stopping: Stopping = field(default_factory=Stopping)
 
     def __post_init__(self) -> None:
-        """Check what can be checked without a mesh; raises UsageError."""
+        """Check what can be checked without a mesh; raises UsageError, InputError for an unreadable array."""
         if self.order not in ORDERS:
             raise UsageError(f"order: unknown {self.order!r}; known: {', '.join(ORDERS)}")
         if not 0 <= self.seed < 2**64:
             raise UsageError("seed: must be between 0 and 2^64 - 1")
+        for entry in self.entries:
+            if isinstance(entry, str):
+                check_name(entry)
 
-    def entries(self) -> list[str | np.ndarray]:
-        """The directions as a list; arrays named by "file:PATH" are read."""
-        given = [self.directions] if isinstance(self.directions, str | np.ndarray) else self.directions
-        result: list[str | np.ndarray] = []
-        for item in given:
+    @cached_property
+    def entries(self) -> list[Entry]:
+        """The directions as a list; arrays named by "file:PATH" are read, once."""
+        result: list[Entry] = []
+        for item in self._given():
             if not isinstance(item, str):
                 result.append(item)
                 continue
             for name in item.split(","):
-                path = name.strip().removeprefix("file:")
-                result.append(path if path == name.strip() else read_directions(Path(path)))
+                name = name.strip()
+                path = name.removeprefix("file:")
+                result.append(name if path == name else (name, read_directions(Path(path))))
         return result
+
+    def _given(self) -> Sequence[str | np.ndarray]:
+        return [self.directions] if isinstance(self.directions, str | np.ndarray) else self.directions
 
     def record(self) -> dict[str, Any]:
         """The options as JSON-ready data."""
-        given = [self.directions] if isinstance(self.directions, str | np.ndarray) else self.directions
         return {
-            "directions": ",".join(d if isinstance(d, str) else f"array{d.shape}" for d in given),
+            "directions": ",".join(d if isinstance(d, str) else f"array{d.shape}" for d in self._given()),
             "center": None if self.center is None else [float(c) for c in self.center],
             "axis": None if self.axis is None else [float(a) for a in self.axis],
             "order": self.order,
             "seed": self.seed,
+            "straighten": self.straighten,
             "max_iterations": self.stopping.max_iterations,
             "tol": self.stopping.tol,
             "patience": self.stopping.patience,
@@ -98,6 +108,7 @@ def smooth(
     time_limit: float | None = None,
     order: str = "coloured",
     seed: int = 0,
+    straighten: bool = False,
 ) -> tuple[Any, SmoothReport]:
     """Improve a mesh by directional vertex relaxation (the paper's Algorithm 1).
 
@@ -116,9 +127,8 @@ def smooth(
     >>> moved[4].round(3).tolist()
     [0.5, 0.5]
     """
-    options = SmoothOptions(
-        directions, center, axis, order, seed, Stopping(max_iterations, tol, patience, target, time_limit)
-    )
+    stopping = Stopping(max_iterations, tol, patience, target, time_limit)
+    options = SmoothOptions(directions, center, axis, order, seed, straighten, stopping)
     internal = as_mesh(mesh, cells)
     points, report = smooth_mesh(internal, options)
     if isinstance(mesh, np.ndarray):
@@ -148,22 +158,34 @@ def compare(before: meshio.Mesh, after: meshio.Mesh) -> Comparison:
     return compare_meshes(from_meshio(before), from_meshio(after))
 
 
+class Storage(Protocol):
+    """Where the result will be kept: what becomes of coordinates there, and whether that can be bettered."""
+
+    def stored(self, points: np.ndarray) -> np.ndarray:
+        """The coordinates as they will be read back."""
+
+    def widen(self) -> bool:
+        """Keep coordinates in float64 from now on; False if they are already or cannot be."""
+
+
 def smooth_mesh(
     mesh: Mesh,
     options: SmoothOptions,
-    stored: Callable[[np.ndarray], np.ndarray] = lambda points: points,
+    storage: Storage | None = None,
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> tuple[np.ndarray, SmoothReport]:
     """Relax a Mesh; returns its new points (N, 2|3) and the report.
 
-    stored: the coordinates as the output will hold them; the report's final qualities are theirs.
+    storage: where the result goes; the points returned and the report's final qualities are those kept there.
     on_sweep, interrupted: see ``sweeps.relax``.
+
+    Raises OutputError if rounding in the storage would make the mesh worse than it was.
     """
-    domain = domain_of(mesh)
+    domain = domain_of(mesh, options.straighten)
     relaxed = np.flatnonzero(domain.interior)
     directions = direction_field(
-        options.entries(), domain, mesh.point_data, options.seed, options.center, options.axis
+        options.entries, domain, mesh.point_data, options.seed, options.center, options.axis
     )
     before = measure(domain, mesh.points, relaxed)
     begin = time.perf_counter()
@@ -171,12 +193,12 @@ def smooth_mesh(
     touched = _touched_corners(domain, relaxed)
     outcome = relax(problem, touched, domain.points, directions, options.stopping, on_sweep, interrupted)
     seconds = time.perf_counter() - begin
-    points = stored(domain.lift(mesh.points, outcome.points))
+    points, after = _kept(domain, domain.lift(mesh.points, outcome.points), relaxed, before, storage)
     report = SmoothReport(
         mesh=summarise(mesh, domain),
         relaxed=len(relaxed),
         before=before,
-        after=measure(domain, points, relaxed),
+        after=after,
         sweeps=[asdict(sweep) for sweep in outcome.sweeps],
         stopped_because=outcome.stopped_because,
         seconds=seconds,
@@ -187,17 +209,49 @@ def smooth_mesh(
     return points, report
 
 
+def _kept(
+    domain: Domain, points: np.ndarray, relaxed: np.ndarray, before: Quality, storage: Storage | None
+) -> tuple[np.ndarray, Quality]:
+    """The points as the storage keeps them, and their quality, which is not below that of the input."""
+    if storage is None:
+        return points, measure(domain, points, relaxed)
+    kept = storage.stored(points)
+    after = measure(domain, kept, relaxed)
+    if _worse(after, before) and storage.widen():
+        kept = storage.stored(points)
+        after = measure(domain, kept, relaxed)
+    if _worse(after, before):
+        raise OutputError(
+            f"rounding the coordinates as the output stores them would lower Q1 from {before.q1:.6g} to "
+            f"{after.q1:.6g}; choose a format with 64-bit coordinates"
+        )
+    return kept, after
+
+
+def _worse(after: Quality, before: Quality) -> bool:
+    if after.q1 is None or before.q1 is None:
+        return False
+    return after.inverted > before.inverted or after.q1 < before.q1 - 1e-12 * abs(before.q1)
+
+
 def mesh_quality(mesh: Mesh, worst: int = 10) -> QualityReport:
-    """The quality report of a Mesh."""
-    domain = domain_of(mesh)
+    """The quality report of a Mesh; curved second-order cells count as straight."""
+    domain = domain_of(mesh, straighten=True)
     relaxed = np.flatnonzero(domain.interior)
     return QualityReport(summarise(mesh, domain), len(relaxed), measure(domain, mesh.points, relaxed, worst))
 
 
 def compare_meshes(before: Mesh, after: Mesh) -> Comparison:
     """The comparison of two meshes of one connectivity; InputError when their cells differ."""
-    same = len(before.points) == len(after.points) and _same_cells(before.cells, after.cells)
-    return compare_qualities(mesh_quality(before), mesh_quality(after), same)
+    return compare_qualities(mesh_quality(before), mesh_quality(after), same_connectivity(before, after))
+
+
+def same_connectivity(before: Mesh, after: Mesh) -> bool:
+    """Whether two meshes have equally many points and the same cells in the same order."""
+    return (len(before.points), len(before.cells)) == (len(after.points), len(after.cells)) and all(
+        x.type == y.type and np.array_equal(x.vertices, y.vertices)
+        for x, y in zip(before.cells, after.cells, strict=True)
+    )
 
 
 def as_mesh(
@@ -222,9 +276,3 @@ def _touched_corners(domain: Domain, relaxed: np.ndarray) -> Corners:
     corners = domain.corners
     touched = moves[corners.vertices].any(axis=1)
     return Corners(corners.vertices[touched], corners.shapes[touched], corners.first[:1])
-
-
-def _same_cells(a: list[Cells], b: list[Cells]) -> bool:
-    return len(a) == len(b) and all(
-        x.type == y.type and np.array_equal(x.vertices, y.vertices) for x, y in zip(a, b, strict=True)
-    )

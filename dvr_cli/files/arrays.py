@@ -19,10 +19,14 @@ def read_directions(path: Path) -> np.ndarray:
     if suffix not in (".npy", ".csv", ".txt"):
         raise UsageError(f"directions file:{path}: unknown suffix {suffix!r}; known: .npy, .csv, .txt")
     try:
-        if suffix == ".npy":
-            return np.load(path, allow_pickle=False)
-        return np.loadtxt(path, delimiter="," if suffix == ".csv" else None, ndmin=2)
+        with path.open("rb") as file:
+            if not file.read(1):
+                raise UsageError(f"directions file:{path}: the file is empty")
+            file.seek(0)
+            if suffix == ".npy":
+                return np.lib.format.read_array(file, allow_pickle=False)
+            return np.loadtxt(file, delimiter="," if suffix == ".csv" else None, ndmin=2)
     except OSError as error:
-        raise InputError(f"directions file:{path}: {error.strerror or error}") from error
+        raise InputError(f"directions file:{path}: {(error.strerror or str(error)).lower()}") from error
     except ValueError as error:
         raise UsageError(f"directions file:{path}: {str(error).splitlines()[0]}") from error

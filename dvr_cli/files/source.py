@@ -7,6 +7,7 @@ bytes it was read from and replaces the coordinates in them; everything else is 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import BinaryIO
 
 import numpy as np
@@ -19,10 +20,19 @@ class Source(ABC):
 
     mesh: what the file holds.
     format: the name of its format as ``--input-format`` and ``--output-format`` take it.
+    companions: other files the mesh consists of, bytes by suffix; they are written unchanged.
+    notes: what the last ``write`` or ``stored`` could not keep, one line each.
     """
 
     mesh: Mesh
     format: str
+    companions: Mapping[str, bytes]
+    notes: list[str]
+
+    def __init__(self) -> None:
+        """No companions, nothing lost so far."""
+        self.companions = {}
+        self.notes = []
 
     @abstractmethod
     def write(self, points: np.ndarray, file: BinaryIO) -> None:
@@ -31,6 +41,10 @@ class Source(ABC):
         A vertex whose coordinates are bit-identical to those read keeps its very bytes.
         """
 
-    @abstractmethod
     def stored(self, points: np.ndarray) -> np.ndarray:
         """The coordinates a reader of ``write(points, ...)`` gets: rounded where the file stores float32."""
+        return points
+
+    def widened(self) -> Source | None:
+        """The same file with its coordinates in float64, None where they are already or cannot be."""
+        return None

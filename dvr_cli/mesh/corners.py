@@ -131,7 +131,7 @@ def _build_tables() -> tuple[dict[int, ShapeTable], dict[str, np.ndarray]]:
         for c, target in enumerate(targets):
             for p, order in enumerate(ORIGIN_FIRST[d]):
                 m = target_matrix(target[order])
-                same = [i for i, other in enumerate(known) if np.allclose(m, other, rtol=0, atol=1e-12)]
+                same = [i for i, other in enumerate(known) if np.abs(m - other).max() < 1e-12]
                 if not same:
                     known.append(m)
                 rows[c, p] = same[0] if same else len(known) - 1

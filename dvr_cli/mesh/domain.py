@@ -18,14 +18,10 @@ from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.orientation import mirrored_cells, with_mirrored
 from dvr_cli.mesh.plane import Plane, plane_of
 from dvr_cli.mesh.regions import regions_of
+from dvr_cli.mesh.second_order import MidNodes, linear_cells, mid_nodes
 from dvr_cli.mesh.simplex import corner_measures
 
-LOWER = ("vertex", "line", "line3", "line4")  # cells of dimension below 2 that may come along
-SURFACE = ("triangle", "quad")
-_SECOND_ORDER = {
-    *("triangle6", "triangle7", "quad8", "quad9", "tetra10", "tetra14", "hexahedron20", "hexahedron24"),
-    *("hexahedron27", "wedge12", "wedge15", "wedge18", "pyramid13", "pyramid14"),
-}
+LOWER = ("vertex", "line", "line4")  # cells of dimension below 2 that may come along
 
 
 @dataclass(frozen=True)
@@ -40,6 +36,8 @@ class Domain:
     interior: (N,) bool, the vertices that are neither on a boundary, an interface nor a lower cell.
     mirrored: how many cells are stored inside out (they stay so in any output).
     plane: the plane of a two-dimensional mesh, None for a volume mesh.
+    mids: the nodes of second-order cells that follow their corners, None if there are none.
+    straighten: whether those that move lose their offset from the straight edge or face.
     """
 
     points: np.ndarray
@@ -50,6 +48,8 @@ class Domain:
     interior: np.ndarray
     mirrored: int
     plane: Plane | None
+    mids: MidNodes | None
+    straighten: bool
 
     @property
     def dimension(self) -> int:
@@ -67,25 +67,32 @@ class Domain:
 
     def lift(self, points: np.ndarray, flat: np.ndarray) -> np.ndarray:
         """``points``, given as the mesh gives them, moved to the coordinates ``flat`` (N, d)."""
-        return flat if self.plane is None else self.plane.lift(points, flat)
+        lifted = flat.copy() if self.plane is None else self.plane.lift(points, flat)
+        if self.mids is not None:
+            self.mids.carry(points, lifted, self.straighten)
+        return lifted
 
 
-def domain_of(mesh: Mesh) -> Domain:
+def domain_of(mesh: Mesh, straighten: bool = False) -> Domain:
     """Check a mesh and find its domain.
 
+    straighten: take curved second-order cells as straight.
+
     Raises InputError for a mesh without planar or volume cells, with coordinates that are not finite, with
-    cells that name missing vertices or one vertex twice, or with cells that cannot be relaxed (second-order
-    cells, polygons, surfaces that are not planar).
+    cells that name missing vertices or one vertex twice, or with cells that cannot be relaxed (curved
+    second-order cells, polygons, surfaces that are not planar).
     """
-    dimension = max((DIMENSION.get(block.type, 0) for block in mesh.cells if len(block.vertices)), default=0)
-    _check_types(mesh, dimension)
+    linear = linear_cells(mesh.cells)
+    dimension = max((DIMENSION.get(block.type, 0) for block in linear if len(block.vertices)), default=0)
+    _check_types(linear, dimension)
     _check_values(mesh)
-    chosen = [b for b, block in enumerate(mesh.cells) if DIMENSION.get(block.type) == dimension]
-    stored = [Cells(mesh.cells[b].type, mesh.cells[b].vertices.astype(np.int32)) for b in chosen]
+    mids = mid_nodes(mesh, straighten)
+    chosen = [b for b, block in enumerate(linear) if DIMENSION.get(block.type) == dimension]
+    stored = [Cells(linear[b].type, linear[b].vertices.astype(np.int32)) for b in chosen]
     first = np.concatenate([[0], np.cumsum([len(block.vertices) for block in mesh.cells])])
     points, plane = mesh.points, None
     if dimension == 2:
-        plane = plane_of(mesh.points[_used(mesh, chosen)])
+        plane = plane_of(mesh.points[_used(stored, len(mesh.points))])
         if plane is None:
             raise InputError(
                 "the surface is not planar: dvr relaxes planar and volume meshes, not curved surfaces"
@@ -103,41 +110,41 @@ def domain_of(mesh: Mesh) -> Domain:
         cell_ids=np.concatenate([np.arange(first[b], first[b + 1]) for b in chosen]),
         corners=corners_of(cells, dimension) if mirrored.any() else as_stored,
         region=region,
-        interior=_interior(mesh, chosen, facets, region),
+        interior=_interior(linear, chosen, facets, region, len(mesh.points)),
         mirrored=int(mirrored.sum()),
         plane=plane,
+        mids=mids,
+        straighten=straighten,
     )
 
 
-def _interior(mesh: Mesh, chosen: list[int], facets: Facets, region: np.ndarray) -> np.ndarray:
-    interior = np.zeros(len(mesh.points), dtype=bool)
-    for b in chosen:
-        interior[mesh.cells[b].vertices] = True
+def _interior(
+    cells: list[Cells], chosen: list[int], facets: Facets, region: np.ndarray, n_points: int
+) -> np.ndarray:
+    interior = _used([cells[b] for b in chosen], n_points)
     begin = facets.start[:-1]
-    shared = facets.shared_by
-    inside = shared == 2
+    inside = facets.shared_by == 2
     pair = begin[inside]
     inside[inside] = region[facets.cell[pair]] == region[facets.cell[pair + 1]]
     outer = facets.vertices[begin[~inside]]
     interior[outer[outer >= 0]] = False
-    for b, block in enumerate(mesh.cells):
+    for b, block in enumerate(cells):
         if b not in chosen:
             interior[block.vertices] = False
     return interior
 
 
-def _used(mesh: Mesh, chosen: list[int]) -> np.ndarray:
-    used = np.zeros(len(mesh.points), dtype=bool)
-    for b in chosen:
-        used[mesh.cells[b].vertices] = True
+def _used(cells: list[Cells], n_points: int) -> np.ndarray:
+    """(N,) bool: the vertices of the cells."""
+    used = np.zeros(n_points, dtype=bool)
+    for block in cells:
+        used[block.vertices] = True
     return used
 
 
-def _check_types(mesh: Mesh, dimension: int) -> None:
-    types = [block.type for block in mesh.cells if len(block.vertices)]
+def _check_types(cells: list[Cells], dimension: int) -> None:
+    types = [block.type for block in cells if len(block.vertices)]
     for name in types:
-        if name in _SECOND_ORDER:
-            raise InputError(f"second-order cells ({name}) are not supported; use linear cells")
         if name not in DIMENSION and name not in LOWER:
             raise InputError(f"cells of type {name!r} are not supported")
     if not types:

@@ -16,7 +16,16 @@ from dvr_cli.mesh.domain import Domain
 # (sweep k from 0, coordinates (n, d) of the relaxed vertices, their indices (n,)) -> (n, d)
 DirectionField = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
 
+Entry = str | np.ndarray | tuple[str, np.ndarray]  # a name, an array, an array and its name in messages
+
 NAMES = ("random", "x", "y", "z", "axis", "circumferential", "radial")
+
+
+def check_name(name: str) -> None:
+    """Raise UsageError unless ``name`` is one of NAMES or "field:" and something."""
+    if name not in NAMES and not name.startswith("field:"):
+        known = ", ".join(NAMES)
+        raise UsageError(f"directions: unknown name {name!r}; known: {known}, file:PATH, field:NAME")
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
@@ -33,7 +42,7 @@ def random_field(dimension: int, n_points: int, seed: int) -> DirectionField:
     """Directions drawn uniformly anew for each vertex and sweep, from a generator keyed by (seed, sweep)."""
 
     def field(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-        generator = np.random.Generator(np.random.Philox(key=[seed, sweep + 1]))
+        generator = np.random.Generator(np.random.Philox(key=np.array([seed, sweep + 1], dtype=np.uint64)))
         # drawn for every vertex of the mesh, so that a vertex's direction does not depend on I_R or its order
         return unit(generator.standard_normal((n_points, dimension))[vertices])
 
@@ -88,7 +97,7 @@ def array_field(vectors: np.ndarray, period: int = 1) -> DirectionField:
 
 
 def direction_field(
-    entries: Sequence[str | np.ndarray],
+    entries: Sequence[Entry],
     domain: Domain,
     point_data: Mapping[str, np.ndarray],
     seed: int = 0,
@@ -103,7 +112,7 @@ def direction_field(
 
     Raises UsageError for unknown names and arrays of wrong shape or with values that are not finite.
     """
-    expanded: list[str | np.ndarray] = []
+    expanded: list[Entry] = []
     for entry in entries:
         if isinstance(entry, str) and entry == "axis":
             expanded += ["x", "y", "z"][: domain.dimension]
@@ -114,13 +123,12 @@ def direction_field(
     middle = domain.points.mean(axis=0) if center is None else _in_domain(center, "center", domain)
     around = None
     if domain.dimension == 3:
-        around = unit(np.array([axis if axis is not None else (0.0, 0.0, 1.0)], dtype=np.float64))[0]
-        if not around.any():
-            raise UsageError("axis: must not be the zero vector")
+        around = _axis((0.0, 0.0, 1.0) if axis is None else axis)
 
-    def field_of(entry: str | np.ndarray) -> DirectionField:
+    def field_of(entry: Entry) -> DirectionField:
         if not isinstance(entry, str):
-            return array_field(_flat_vectors(entry, "array", domain), len(expanded))
+            name, vectors = entry if isinstance(entry, tuple) else ("array", entry)
+            return array_field(_flat_vectors(vectors, name, domain), len(expanded))
         if entry == "random":
             return random_field(domain.dimension, len(domain.points), seed)
         if entry in ("x", "y", "z"):
@@ -129,18 +137,22 @@ def direction_field(
             return circumferential_field(middle, around)
         if entry == "radial":
             return radial_field(middle, around)
-        if entry.startswith("field:"):
-            name = entry.removeprefix("field:")
-            if name not in point_data:
-                there = ", ".join(sorted(point_data)) or "none"
-                raise UsageError(f"directions {entry}: no such point field; there are: {there}")
-            return array_field(_flat_vectors(np.asarray(point_data[name]), entry, domain), len(expanded))
-        raise UsageError(
-            f"directions: unknown name {entry!r}; known: {', '.join(NAMES)}, file:PATH, field:NAME"
-        )
+        check_name(entry)
+        name = entry.removeprefix("field:")
+        if name not in point_data:
+            there = ", ".join(sorted(point_data)) or "none"
+            raise UsageError(f"directions {entry}: no such point field; there are: {there}")
+        return array_field(_flat_vectors(np.asarray(point_data[name]), entry, domain), len(expanded))
 
     fields = [field_of(entry) for entry in expanded]
     return lambda sweep, points, vertices: fields[sweep % len(fields)](sweep, points, vertices)
+
+
+def _axis(values: Sequence[float]) -> np.ndarray:
+    axis = np.asarray(values, dtype=np.float64)
+    if axis.shape != (3,) or not np.isfinite(axis).all() or not axis.any():
+        raise UsageError("axis: 3 finite numbers are needed that are not all zero")
+    return unit(axis[None])[0]
 
 
 def _coordinate_axis(name: str, domain: Domain) -> np.ndarray:
@@ -171,7 +183,11 @@ def _flat_vectors(vectors: np.ndarray, name: str, domain: Domain) -> np.ndarray:
         return checked
     if checked.shape[-1] == 2:
         checked = np.concatenate([checked, np.zeros((*checked.shape[:-1], 1))], axis=-1)
-    return domain.flatten(checked.reshape(-1, checked.shape[-1])).reshape(*checked.shape[:-1], 2)
+    flat = domain.flatten(checked.reshape(-1, checked.shape[-1])).reshape(*checked.shape[:-1], 2)
+    # what is left of a vector across the plane is rounding, not a direction
+    across = np.abs(flat).max(axis=-1) < 1e-9 * np.abs(checked).max(axis=-1)
+    flat[across] = 0.0
+    return flat
 
 
 def _checked_vectors(vectors: np.ndarray, n_points: int, dimensions: Sequence[int], name: str) -> np.ndarray:

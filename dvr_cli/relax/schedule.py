@@ -30,7 +30,7 @@ def batches(rings: Rings, n_points: int, order: str, seed: int) -> list[np.ndarr
     if order == "natural":
         rank = np.arange(m)
     elif order == "shuffled":
-        rank = np.random.Generator(np.random.Philox(key=[seed, 0])).permutation(m)
+        rank = np.random.Generator(np.random.Philox(key=np.array([seed, 0], dtype=np.uint64))).permutation(m)
     else:
         rank = _scattered(m)
     levels = _levels(rings.start, neighbours, rank)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -31,12 +32,14 @@ class Stopping:
         """Check the ranges."""
         if self.max_iterations < 0:
             raise UsageError("max-iterations: must not be negative")
-        if not self.tol >= 0:
-            raise UsageError("tol: must not be negative")
+        if not 0 <= self.tol < math.inf:
+            raise UsageError("tol: must be a number that is not negative")
         if self.patience < 1:
             raise UsageError("patience: must be at least 1")
-        if self.time_limit is not None and not self.time_limit >= 0:
-            raise UsageError("time-limit: must not be negative")
+        if self.target is not None and not -1 <= self.target <= 1:
+            raise UsageError("target: must be a quality, from -1 to 1")
+        if self.time_limit is not None and not 0 <= self.time_limit < math.inf:
+            raise UsageError("time-limit: must be a number that is not negative")
 
     def reason(self, q1: Sequence[float], seconds: float) -> str | None:
         """Why to stop now, or None; q1 holds Q1 of the input and after each sweep so far."""

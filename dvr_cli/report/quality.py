@@ -17,8 +17,8 @@ HISTOGRAM_BINS = 20
 
 
 @dataclass(frozen=True)
-class WorstElement:
-    """One of the worst elements: its type, its id (position in the file from 0), quality and centroid."""
+class Element:
+    """An element that is singled out: type, id (position in the file from 0), quality, centroid."""
 
     cell_type: str
     cell: int
@@ -31,7 +31,8 @@ class Quality:
     """The qualities of one mesh. All qualities are mean ratios in [-1, 1]; angles are in degrees.
 
     q1: worst quality that relaxation can touch (first component of the quality vector), None without
-        relaxed vertices. fixed_cap: worst quality among corners without a relaxed vertex, or None.
+        relaxed vertices; q1_element: the first element that has it.
+    fixed_cap: worst quality among corners without a relaxed vertex, None if there are none.
     minimum, mean, quantiles: over all elements. histogram: (HISTOGRAM_BINS,) element counts from 0 to 1,
         those below 0 in the first bin.
     worst: the worst elements, worst first. vector: (m,) the quality vector, ascending (paper eq. 8), and
@@ -39,6 +40,7 @@ class Quality:
     """
 
     q1: float | None
+    q1_element: Element | None
     fixed_cap: float | None
     minimum: float
     mean: float
@@ -48,7 +50,7 @@ class Quality:
     min_angle: float | None
     max_angle: float | None
     histogram: np.ndarray
-    worst: list[WorstElement]
+    worst: list[Element]
     vector: np.ndarray
     vertices: np.ndarray
     elements: np.ndarray
@@ -72,10 +74,11 @@ def measure(domain: Domain, points: np.ndarray, relaxed: np.ndarray, worst: int 
     counts, _ = np.histogram(np.clip(elements, 0.0, 1.0), bins=HISTOGRAM_BINS, range=(0.0, 1.0))
     return Quality(
         q1=float(minima.min()) if len(relaxed) else None,
+        q1_element=_q1_element(domain, points, by_corner, touched, elements),
         fixed_cap=float(by_corner[~touched].min()) if not touched.all() else None,
         minimum=float(elements.min()),
         mean=float(elements.mean()),
-        quantiles={q: float(np.quantile(elements, q)) for q in QUANTILES},
+        quantiles=_quantiles(elements),
         inverted=int((elements < -DEGENERATE).sum()),
         degenerate=int((np.abs(elements) <= DEGENERATE).sum()),
         min_angle=None if np.isnan(low) else low,
@@ -88,24 +91,40 @@ def measure(domain: Domain, points: np.ndarray, relaxed: np.ndarray, worst: int 
     )
 
 
-def _worst(domain: Domain, points: np.ndarray, elements: np.ndarray, number: int) -> list[WorstElement]:
+def _quantiles(elements: np.ndarray) -> dict[float, float]:
+    """Quantiles with linear interpolation between the sorted values."""
+    ascending = np.sort(elements)
+    places = np.arange(len(ascending))
+    return {q: float(np.interp(q * (len(ascending) - 1), places, ascending)) for q in QUANTILES}
+
+
+def _q1_element(
+    domain: Domain, points: np.ndarray, by_corner: np.ndarray, touched: np.ndarray, elements: np.ndarray
+) -> Element | None:
+    if not touched.any():
+        return None
+    corner = int(np.where(touched, by_corner, np.inf).argmin())
+    cell = int(np.searchsorted(domain.corners.first, corner, side="right")) - 1
+    return _element(domain, points, elements, cell)
+
+
+def _worst(domain: Domain, points: np.ndarray, elements: np.ndarray, number: int) -> list[Element]:
     number = min(number, len(elements))
     candidates = np.argpartition(elements, number - 1)[:number] if number else np.empty(0, dtype=np.int64)
     # ties at the edge of the list would depend on the partition: take all of them, then sort by id
     candidates = np.flatnonzero(elements <= elements[candidates].max()) if number else candidates
     chosen = candidates[np.lexsort((candidates, elements[candidates]))][:number]
-    lengths = [len(block.vertices) for block in domain.cells]
-    first = np.concatenate([[0], np.cumsum(lengths)])
-    result = []
-    for cell in chosen:
-        block = int(np.searchsorted(first, cell, side="right")) - 1
-        vertices = domain.cells[block].vertices[cell - first[block]]
-        result.append(
-            WorstElement(
-                cell_type=domain.cells[block].type,
-                cell=int(domain.cell_ids[cell]),
-                quality=float(elements[cell]),
-                centroid=[float(x) for x in points[vertices].mean(axis=0)],
-            )
-        )
-    return result
+    return [_element(domain, points, elements, int(cell)) for cell in chosen]
+
+
+def _element(domain: Domain, points: np.ndarray, elements: np.ndarray, cell: int) -> Element:
+    """The element with number ``cell`` among those of the domain."""
+    first = np.cumsum([0, *(len(block.vertices) for block in domain.cells)])
+    block = int(np.searchsorted(first, cell, side="right")) - 1
+    vertices = domain.cells[block].vertices[cell - first[block]]
+    return Element(
+        cell_type=domain.cells[block].type,
+        cell=int(domain.cell_ids[cell]),
+        quality=float(elements[cell]),
+        centroid=[float(x) for x in points[vertices].mean(axis=0)],
+    )

@@ -18,7 +18,7 @@ class MeshSummary:
     """What a report says of the mesh itself.
 
     cells: number of cells by type, of all dimensions. dimension: 2 or 3. mirrored: cells stored inside out.
-    regions: how many regions its tags tell apart.
+    regions: how many regions its tags tell apart. curved: second-order cells that are not straight.
     """
 
     points: int
@@ -26,6 +26,7 @@ class MeshSummary:
     dimension: int
     mirrored: int
     regions: int
+    curved: int
 
 
 @dataclass(frozen=True)
@@ -69,12 +70,16 @@ class SmoothReport:
     threads: int
     options: dict[str, Any]
 
-    def record(self, path: str | None = None) -> dict[str, Any]:
-        """The report as JSON-ready data, schema dvr.smooth/1; ``quality`` is that of the result."""
+    def record(self, path: str | None = None, source: str | None = None) -> dict[str, Any]:
+        """The report as JSON-ready data, schema dvr.smooth/1; ``quality`` is that of the result.
+
+        path: where the result is; source: where the input was.
+        """
         after = _quality_record(self.after)
         return {
             "schema": "dvr.smooth/1",
             "dvr_version": __version__,
+            "input": source,
             "mesh": {"path": path, **asdict(self.mesh)},
             "relaxed": self.relaxed,
             "units": UNITS,
@@ -104,12 +109,14 @@ def summarise(mesh: Mesh, domain: Domain) -> MeshSummary:
         dimension=domain.dimension,
         mirrored=domain.mirrored,
         regions=int(domain.region.max(initial=0)) + 1,
+        curved=domain.mids.curved if domain.mids is not None else 0,
     )
 
 
 def _quality_record(quality: Quality) -> dict[str, Any]:
     return {
         "q1": quality.q1,
+        "q1_element": None if quality.q1_element is None else asdict(quality.q1_element),
         "fixed_cap": quality.fixed_cap,
         "min": quality.minimum,
         "mean": quality.mean,

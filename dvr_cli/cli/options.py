@@ -1,0 +1,73 @@
+"""Options that several commands have, and the values they take."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dvr_cli.errors import DvrError, InputError
+
+
+class Vector(tuple[float, ...]):
+    """Coordinates given as X,Y or X,Y,Z."""
+
+
+def number(low: float, high: float = math.inf) -> Callable[[str], float]:
+    """A parser for numbers of which only finite ones from ``low`` to ``high`` are taken."""
+    bounds = f"of at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not (math.isfinite(value) and low <= value <= high):
+            raise typer.BadParameter(f"{text!r} is not a number {bounds}")
+        return value
+
+    return parse
+
+
+def vector(*lengths: int) -> Callable[[str], Vector]:
+    """A parser for that many finite numbers, separated by commas."""
+
+    def parse(text: str) -> Vector:
+        try:
+            value = Vector(float(part) for part in text.split(","))
+        except ValueError:
+            value = Vector()
+        if len(value) not in lengths or not all(math.isfinite(x) for x in value):
+            wanted = " or ".join(str(n) for n in lengths)
+            raise typer.BadParameter(f"{text!r} is not {wanted} numbers separated by commas")
+        return value
+
+    return parse
+
+
+@contextmanager
+def naming(path: Path | str, kind: type[DvrError] = InputError) -> Iterator[None]:
+    """Put the name of the file before the message of an error of this kind."""
+    try:
+        yield
+    except kind as error:
+        stream = "standard input" if kind is InputError else "standard output"
+        raise kind(f"{stream if path == Path('-') else path}: {error}") from error
+
+
+quality_value = number(-1, 1)
+
+FailBelow = Annotated[
+    float | None,
+    typer.Option(parser=quality_value, metavar="Q", help="Exit with code 1 if the worst quality is below Q."),
+]
+InputFormat = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Format of the input; default: by its suffix.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print the report as JSON.")]
+# main looks for it among the arguments, as errors of the parser precede any command
+Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]

@@ -1,0 +1,54 @@
+"""What is said where: stdout carries only a mesh or a report, stderr everything else."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import TextIO
+
+from dvr_cli.errors import OutputError
+
+
+def say(message: str, end: str = "\n") -> None:
+    """Print on stderr. That nobody can hear it is no reason to fail."""
+    if sys.stderr is None:
+        return
+    try:
+        print(message, end=end, file=sys.stderr, flush=True)
+    except OSError:
+        discard(sys.stderr)
+
+
+def emit(text: str) -> None:
+    """Print a report on stdout; characters its encoding lacks are escaped.
+
+    Raises OutputError if it cannot be written, BrokenPipeError if its reader has gone.
+    """
+    if sys.stdout is None:
+        raise OutputError("standard output is closed")
+    encoding = sys.stdout.encoding or "ascii"
+    try:
+        print(text.encode(encoding, "backslashreplace").decode(encoding), flush=True)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        discard(sys.stdout)
+        raise OutputError(f"standard output: {error.strerror or error}") from error
+
+
+def discard(stream: TextIO) -> None:
+    """Send what is left of a stream that cannot be written to nowhere, lest the interpreter fail on it."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
+
+
+def error_line(message: str) -> str:
+    """``message`` as one printable line, whatever file names are in it."""
+    return "dvr: " + "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
+
+
+def bar() -> str:
+    """What histograms on stdout are drawn with: a block on a terminal that has it, else ASCII."""
+    utf8 = (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"
+    return "█" if utf8 and sys.stdout.isatty() else "#"

@@ -1,0 +1,150 @@
+"""Second-order cells: smoothed by their corner vertices, the other nodes carried along.
+
+Node order is meshio's (VTK's). Every other node belongs to an edge, a face or the inside of its cell, named
+here by the corner vertices in whose middle it ordinarily lies. A node on an edge keeps its place on the
+edge, also where that is not the middle; other nodes keep their offset from the middle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvr_cli.errors import InputError
+from dvr_cli.mesh.mesh import Cells, Mesh
+
+STRAIGHT = (
+    1e-6  # distance from its straight place, relative to edge or face, up to which a node counts as there
+)
+
+_LINE = ((0, 1),)
+_TRIANGLE = ((0, 1), (1, 2), (2, 0))
+_QUAD = ((0, 1), (1, 2), (2, 3), (3, 0))
+_TETRA = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
+_HEXAHEDRON = (*_QUAD, (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
+_HEXAHEDRON_FACES = ((0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4), (2, 3, 7, 6), (0, 1, 2, 3), (4, 5, 6, 7))
+_WEDGE = (*_TRIANGLE, (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5))
+_PYRAMID = (*_QUAD, (0, 4), (1, 4), (2, 4), (3, 4))
+
+# type: (linear type, corner vertices around each further node)
+SECOND_ORDER: dict[str, tuple[str, tuple[tuple[int, ...], ...]]] = {
+    "line3": ("line", _LINE),
+    "triangle6": ("triangle", _TRIANGLE),
+    "triangle7": ("triangle", (*_TRIANGLE, (0, 1, 2))),
+    "quad8": ("quad", _QUAD),
+    "quad9": ("quad", (*_QUAD, (0, 1, 2, 3))),
+    "tetra10": ("tetra", _TETRA),
+    "hexahedron20": ("hexahedron", _HEXAHEDRON),
+    "hexahedron27": ("hexahedron", (*_HEXAHEDRON, *_HEXAHEDRON_FACES, tuple(range(8)))),
+    "wedge15": ("wedge", _WEDGE),
+    "wedge18": ("wedge", (*_WEDGE, (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5))),
+    "pyramid13": ("pyramid", _PYRAMID),
+    "pyramid14": ("pyramid", (*_PYRAMID, (0, 1, 2, 3))),
+}
+_CORNERS = {"line": 2, "triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8, "wedge": 6, "pyramid": 5}
+
+
+@dataclass(frozen=True)
+class MidNodes:
+    """The nodes of second-order cells that are no corner vertices, each once.
+
+    nodes: (n,) their indices. corners: (n, w) the corner vertices around each, rows filled up with the first.
+    weights: (n, w) with which the corners give a node's straight place.
+    curved: how many cells have a node farther than STRAIGHT from its straight place.
+    """
+
+    nodes: np.ndarray
+    corners: np.ndarray
+    weights: np.ndarray
+    curved: int
+
+    def carry(self, before: np.ndarray, after: np.ndarray, straighten: bool) -> None:
+        """Move the nodes in ``after`` (N, D) as their corners moved since ``before``; others keep their bits.
+
+        straighten: put those that move to their straight place instead of keeping their offset from it.
+        """
+        shift = after[self.corners] - before[self.corners]
+        moved = shift.any(axis=(1, 2))
+        nodes, weights = self.nodes[moved], self.weights[moved, :, None]
+        if straighten:
+            after[nodes] = (weights * after[self.corners[moved]]).sum(axis=1)
+        else:
+            after[nodes] = before[nodes] + (weights * shift[moved]).sum(axis=1)
+
+
+def linear_cells(cells: list[Cells]) -> list[Cells]:
+    """The same blocks with second-order cells cut down to their corner vertices."""
+    result = []
+    for block in cells:
+        linear = SECOND_ORDER[block.type][0] if block.type in SECOND_ORDER else block.type
+        result.append(Cells(linear, block.vertices[:, : _CORNERS.get(linear)]))
+    return result
+
+
+def mid_nodes(mesh: Mesh, straighten: bool) -> MidNodes | None:
+    """The mid nodes of a mesh, None if it has none.
+
+    Raises InputError when a node is a corner of one cell and a mid node of another, or when cells are curved
+    by more than STRAIGHT, unless ``straighten`` is set.
+    """
+    blocks = [block for block in mesh.cells if block.type in SECOND_ORDER and len(block.vertices)]
+    if not blocks:
+        return None
+    width = max(len(around) for block in blocks for around in SECOND_ORDER[block.type][1])
+    nodes, corners, counts, curved, largest = [], [], [], 0, 0.0
+    for block in blocks:
+        linear, middles = SECOND_ORDER[block.type]
+        bent = np.zeros(len(block.vertices), dtype=bool)
+        for k, around in enumerate(middles):
+            node = block.vertices[:, _CORNERS[linear] + k]
+            ends = block.vertices[:, around]
+            offset = _offset(mesh.points, node, ends)
+            bent |= offset > STRAIGHT
+            largest = max(largest, float(offset.max()))
+            filled = np.repeat(ends[:, :1], width, axis=1)
+            filled[:, : len(around)] = ends
+            nodes.append(node)
+            corners.append(filled)
+            counts.append(np.full(len(node), len(around)))
+        curved += int(bent.sum())
+    if curved and not straighten:
+        raise InputError(
+            f"{curved} second-order cells are curved, by up to {largest:.2g} of an edge; "
+            "only straight ones can be smoothed (--straighten takes them as straight)"
+        )
+    every_node, first = np.unique(np.concatenate(nodes), return_index=True)
+    chosen = np.concatenate(corners)[first]
+    count = np.concatenate(counts)[first]
+    is_corner = np.zeros(len(mesh.points), dtype=bool)
+    for block in linear_cells(mesh.cells):
+        is_corner[block.vertices] = True
+    if is_corner[every_node].any():
+        node = every_node[is_corner[every_node]][0]
+        raise InputError(f"vertex {node} (counted from 0) is a corner of one cell and a mid node of another")
+    weights = np.where(np.arange(width) < count[:, None], 1.0 / count[:, None], 0.0)
+    edge = count == 2
+    t = _place_on_edge(mesh.points, every_node[edge], chosen[edge, :2])
+    weights[edge, 0], weights[edge, 1] = 1.0 - t, t
+    return MidNodes(every_node, chosen, weights, curved)
+
+
+def _place_on_edge(points: np.ndarray, node: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """(n,) where on the edge from ends[:, 0] (0) to ends[:, 1] (1) each node lies, or is nearest to."""
+    edge = points[ends[:, 1]] - points[ends[:, 0]]
+    along = ((points[node] - points[ends[:, 0]]) * edge).sum(axis=1)
+    length = (edge * edge).sum(axis=1)
+    return np.divide(along, length, out=np.full(len(node), 0.5), where=length > 0)
+
+
+def _offset(points: np.ndarray, node: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """(n,) distance of each node from its straight place, relative to the size of its edge, face or cell."""
+    around = points[ends]
+    if ends.shape[1] == 2:
+        t = _place_on_edge(points, node, ends)[:, None]
+        place = (1.0 - t) * around[:, 0] + t * around[:, 1]
+    else:
+        place = around.mean(axis=1)
+    size = np.linalg.norm(around - around.mean(axis=1, keepdims=True), axis=2).max(axis=1) * 2.0
+    distance = np.linalg.norm(points[node] - place, axis=1)
+    return np.divide(distance, size, out=np.zeros(len(node)), where=size > 0)

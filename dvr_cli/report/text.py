@@ -1,0 +1,175 @@
+"""Reports as text: at most 80 columns (paths aside), ASCII but for the bars a caller may ask for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dvr_cli.relax.sweeps import Sweep
+    from dvr_cli.report.compare import Comparison
+    from dvr_cli.report.quality import Element, Quality
+    from dvr_cli.report.records import MeshSummary, QualityReport, SmoothReport
+
+_LABEL = 19  # columns of a row's label
+_VALUE = 9  # columns of a value
+_BAR = 50  # columns of the longest bar of a histogram
+
+
+def quality_text(report: QualityReport, path: str, bar: str = "#") -> str:
+    """The report of ``dvr report quality`` on the mesh at ``path``.
+
+    bar: the character that the histogram is drawn with.
+    """
+    mesh, quality = report.mesh, report.quality
+    counts = [("points", mesh.points), *mesh.cells.items(), ("relaxed vertices", report.relaxed)]
+    counts += [("regions", mesh.regions)] if mesh.regions > 1 else []
+    lines = [f"{path} ({mesh.dimension}D)", *(_row(name, str(count)) for name, count in counts), ""]
+    lines.append("quality (mean ratio: 1 ideal, 0 degenerate, below 0 inverted)")
+    remarks = _remarks(quality)
+    lines += [
+        (_row(name, value) + "  " + remarks.get(name, "")).rstrip()
+        for name, value in _figures(quality, mesh.dimension)
+    ]
+    lines += ["", "elements by quality", *_histogram(quality, bar)]
+    if quality.worst:
+        lines += ["", "worst elements (numbered from 0 through all cells of the file)"]
+        lines += [f"  {_number(w.quality):>{_VALUE}}  {_place(w, 6)}" for w in quality.worst]
+    return "\n".join(lines + _notes(mesh))
+
+
+def smooth_text(report: SmoothReport, source: str, output: str) -> str:
+    """The summary of a run of ``dvr smooth``: before and after, why it stopped, and what to know besides."""
+    mesh = report.mesh
+    cells = ", ".join(f"{count} {name}" for name, count in mesh.cells.items())
+    lines = [
+        f"{source} -> {output}",
+        f"{mesh.dimension}D, {cells}",
+        f"relaxed {report.relaxed} of {mesh.points} points in {_count(len(report.sweeps), 'sweep')}, "
+        f"{report.seconds:.3f} s",
+        *_side_by_side(report.before, report.after, mesh.dimension),
+        _why_stopped(report),
+        *_notes(mesh),
+    ]
+    if left := report.after.inverted + report.after.degenerate:
+        lines.append(f"note: {_count(left, 'inverted or degenerate element')} left")
+    return "\n".join(lines)
+
+
+def comparison_text(comparison: Comparison, before: str, after: str) -> str:
+    """The report of ``dvr report compare`` on the meshes at the paths ``before`` and ``after``."""
+    if comparison.component is None:
+        verdict = "equal: the quality vectors are the same"
+    else:
+        i = comparison.component - 1
+        old, new = comparison.before.quality.vector[i], comparison.after.quality.vector[i]
+        name = after if comparison.better == "after" else before
+        verdict = (
+            f"{comparison.better} is better: {name}\n"
+            f"the quality vectors first differ at component {i + 1} of {comparison.after.relaxed}: "
+            f"{float(old)!r} before, {float(new)!r} after"
+        )
+    dimension = comparison.after.mesh.dimension
+    return "\n".join(
+        [verdict, *_side_by_side(comparison.before.quality, comparison.after.quality, dimension)]
+    )
+
+
+def sweep_line(sweep: Sweep) -> str:
+    """What one sweep did, in one line."""
+    return f"sweep {sweep.sweep:3d}  Q1 {_number(sweep.q1)}  moved {sweep.moved}  {sweep.seconds:.2f} s"
+
+
+def gate_failure(quality: Quality, limit: float) -> str:
+    """Why the quality gate at ``limit`` failed."""
+    return f"the worst quality, {_number(quality.minimum)}, is below {limit:g}"
+
+
+def _figures(quality: Quality, dimension: int) -> list[tuple[str, str]]:
+    """The rows of a quality block: label and value."""
+    angle = "angle" if dimension == 2 else "dihedral"
+    return [
+        ("Q1", _number(quality.q1)),
+        ("fixed cap", _number(quality.fixed_cap)),
+        ("worst", _number(quality.minimum)),
+        *((f"{100 * q:g} % quantile", _number(value)) for q, value in quality.quantiles.items()),
+        ("mean", _number(quality.mean)),
+        ("inverted", str(quality.inverted)),
+        ("degenerate", str(quality.degenerate)),
+        (f"min {angle} (deg)", _degrees(quality.min_angle)),
+        (f"max {angle} (deg)", _degrees(quality.max_angle)),
+    ]
+
+
+def _remarks(quality: Quality) -> dict[str, str]:
+    """What the rows of a quality block mean, and where the worst is, by label."""
+    remarks = {"Q1": "nothing can be relaxed", "fixed cap": "every element has a relaxed vertex"}
+    if quality.q1_element is not None:
+        remarks["Q1"] = _place(quality.q1_element, 4)
+    if quality.fixed_cap is not None:
+        remarks["fixed cap"] = "worst without a relaxed vertex"
+    if quality.worst:
+        remarks["worst"] = _place(quality.worst[0], 4)
+    return remarks
+
+
+def _side_by_side(before: Quality, after: Quality, dimension: int) -> list[str]:
+    rows = zip(_figures(before, dimension), _figures(after, dimension), strict=True)
+    return [_row("", "before", "after"), *(_row(name, old, new) for (name, old), (_, new) in rows)]
+
+
+def _why_stopped(report: SmoothReport) -> str:
+    options = report.options
+    return {
+        "converged": f"converged: Q1 grew by less than {options['tol']:g} in each of the last "
+        f"{_count(options['patience'], 'sweep')}",
+        "max-iterations": f"stopped: {_count(options['max_iterations'], 'sweep')} at most were asked for",
+        "target": f"stopped: Q1 reached the target, {options['target']}",
+        "time-limit": f"stopped: the time limit of {options['time_limit']} s was reached",
+        "interrupted": "interrupted: the mesh reached by then was written",
+        "nothing-to-relax": "nothing to relax: no vertex lies inside the mesh",
+    }[report.stopped_because]
+
+
+def _notes(mesh: MeshSummary) -> list[str]:
+    """What to know of a mesh besides its figures."""
+    notes = []
+    if mesh.mirrored:
+        notes.append(f"note: {_count(mesh.mirrored, 'cell')} stored inside out, taken as the mirror image")
+    if mesh.curved:
+        notes.append(f"note: {_count(mesh.curved, 'second-order cell')} curved, taken as straight")
+    return notes
+
+
+def _histogram(quality: Quality, bar: str) -> list[str]:
+    counts = quality.histogram.tolist()
+    n, most, width = len(counts), max(counts), max(len(str(count)) for count in counts)
+    lines = []
+    for i, count in enumerate(counts):
+        label = f"below {1 / n:.2f}" if i == 0 else f"{i / n:.2f} - {(i + 1) / n:.2f}"
+        length = -(-count * _BAR // most)  # rounded up: no element goes unseen
+        lines.append(f"  {label:>11}  {count:>{width}}  {bar * length}".rstrip())
+    return lines
+
+
+def _place(element: Element, digits: int) -> str:
+    centroid = ", ".join(f"{x:.{digits}g}" for x in element.centroid)
+    return f"{element.cell_type} {element.cell} at ({centroid})"
+
+
+def _row(label: str, *values: str) -> str:
+    return f"  {label:<{_LABEL}}" + "".join(f"{value:>{_VALUE}}" for value in values)
+
+
+def _number(quality: float | None) -> str:
+    """A quality with four decimals, or with an exponent where these would show nothing."""
+    if quality is None:
+        return "-"
+    return f"{quality:.4f}" if quality == 0 or abs(quality) >= 1e-3 else f"{quality:.1e}"
+
+
+def _degrees(angle: float | None) -> str:
+    return "-" if angle is None else f"{angle:.2f}"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

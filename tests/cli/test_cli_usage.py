@@ -1,0 +1,239 @@
+"""Arguments: wrong ones get one line and exit code 2, and every option that --help names works."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from cli_support import assert_one_line, fan, listing
+
+import dvr_cli
+from dvr_cli.relax.schedule import ORDERS
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["frobnicate"], "frobnicate"),
+        (["--frobnicate"], "--frobnicate"),
+        (["report"], "missing command"),
+        (["report", "frobnicate"], "frobnicate"),
+        (["report", "quality"], "MESH"),
+        (["report", "compare", "IN"], "AFTER"),
+        (["report", "quality", "IN", "--json", "--csv"], "--csv"),
+        (["report", "quality", "IN", "--worst", "-1"], "--worst"),
+        (["report", "quality", "IN", "--fail-below", "nan"], "--fail-below"),
+        (["report", "quality", "IN", "--input-format", "cuneiform"], "cuneiform"),
+        (["smooth"], "IN"),
+        (["smooth", "IN"], "OUT"),
+        (["smooth", "IN", "OUT", "more.msh"], "more.msh"),
+    ],
+)
+def test_wrong_arguments(dvr, tmp_path, arguments, named):
+    paths = {"IN": fan(tmp_path / "in.msh"), "OUT": tmp_path / "out.msh"}
+    before = listing(tmp_path)
+    assert_one_line(dvr(*(paths.get(argument, argument) for argument in arguments)), 2, named)
+    assert listing(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        (["--frobnicate"], "--frobnicate"),
+        (["-n"], "-n"),
+        (["-n", "many"], "--max-iterations"),
+        (["-n", "-1"], "--max-iterations"),
+        (["-n", "1.5"], "--max-iterations"),
+        (["--tol", "-1e-3"], "--tol"),
+        (["--tol", "nan"], "--tol"),
+        (["--tol", "inf"], "--tol"),
+        (["--tol", "small"], "--tol"),
+        (["--patience", "0"], "--patience"),
+        (["--target", "1.5"], "--target"),
+        (["--target", "nan"], "--target"),
+        (["--time-limit", "-1"], "--time-limit"),
+        (["--time-limit", "inf"], "--time-limit"),
+        (["--fail-below", "30"], "--fail-below"),
+        (["--order", "alphabetical"], "--order"),
+        (["--seed", "-1"], "--seed"),
+        (["--seed", str(2**64)], "seed"),
+        (["--center", "1"], "--center"),
+        (["--center", "1,2,3,4"], "--center"),
+        (["--center", "1,x"], "--center"),
+        (["--center", "nan,0"], "--center"),
+        (["--axis", "0,1"], "--axis"),
+        (["--axis", "0,0,inf"], "--axis"),
+        (["-d", "sideways"], "sideways"),
+        (["-d", "random,sideways"], "sideways"),
+        (["-d", ""], "directions"),
+        (["-d", "x,"], "directions"),
+        (["-d", "z"], "z"),  # the mesh lies in the plane z = 0
+        (["-d", "field:flow"], "flow"),
+        (["-d", "file:d.bin"], "d.bin"),
+        (["--report", "r.txt"], "r.txt"),
+        (["--report", "r"], "r"),
+        (["--report", "r.json", "--no-report"], "--no-report"),
+        (["-q", "-v"], "--verbose"),
+        (["--input-format", "cuneiform"], "cuneiform"),
+        (["--output-format", "cuneiform"], "cuneiform"),
+    ],
+)
+def test_wrong_options(dvr, tmp_path, options, named):
+    source = fan(tmp_path / "in.msh")
+    before = listing(tmp_path)
+    assert_one_line(dvr("smooth", source, tmp_path / "out.msh", *options), 2, named)
+    assert listing(tmp_path) == before
+
+
+@pytest.mark.parametrize("name", ["out.xyz", "out", "out.json"])
+def test_an_output_whose_suffix_says_no_format(dvr, tmp_path, name):
+    source = fan(tmp_path / "in.msh")
+    before = listing(tmp_path)
+    assert_one_line(dvr("smooth", source, tmp_path / name), 2, name)
+    assert listing(tmp_path) == before
+
+
+def test_a_report_in_the_place_of_the_mesh(dvr, tmp_path):
+    source = fan(tmp_path / "in.msh")
+    output = tmp_path / "out.json"
+    options = ["--output-format", "vtk", "--report", output]
+    assert_one_line(dvr("smooth", source, output, *options), 2, "out.json")
+    assert not output.exists()
+
+
+@pytest.mark.parametrize(
+    ("vectors", "named"),
+    [
+        (np.ones((4, 2)), "(4, 2)"),
+        (np.ones((5, 4)), "(5, 4)"),
+        (np.ones(5), "(5,)"),
+        (np.ones((2, 4, 2)), "(2, 4, 2)"),
+        (np.ones((0, 5, 2)), "no sweeps"),
+        (np.where(np.arange(10).reshape(5, 2) == 6, np.nan, 1.0), "vertex 3"),
+        (np.where(np.arange(10).reshape(5, 2) == 9, np.inf, 1.0), "vertex 4"),
+        (np.full((5, 2), "up"), "not numbers"),
+    ],
+)
+def test_wrong_direction_arrays(dvr, tmp_path, vectors, named):
+    source = fan(tmp_path / "in.msh")
+    np.save(tmp_path / "d.npy", vectors)
+    before = listing(tmp_path)
+    directions = f"file:{tmp_path / 'd.npy'}"
+    assert_one_line(dvr("smooth", source, tmp_path / "out.msh", "-d", directions), 2, named)
+    assert listing(tmp_path) == before
+
+
+def test_a_direction_file_that_is_missing(dvr, tmp_path):
+    directions = f"file:{tmp_path / 'd.npy'}"
+    result = dvr("smooth", fan(tmp_path / "in.msh"), tmp_path / "out.msh", "-d", directions)
+    assert_one_line(result, 3, "d.npy")
+    assert "in.msh" not in result.err
+
+
+def test_usage_errors_say_where_to_look(dvr):
+    assert dvr("smooth", "--frobnicate").err.endswith("(see 'dvr smooth --help')\n")
+
+
+@pytest.mark.parametrize("arguments", [[], ["--help"], ["-h"]])
+def test_help(dvr, arguments):
+    result = dvr(*arguments)
+    assert (result.code, result.err) == (0, "")
+    assert "Usage: dvr " in result.out
+    assert re.search(r"^  smooth ", result.out, flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize("arguments", [["smooth"], ["report"], ["report", "quality"], ["report", "compare"]])
+def test_help_of_commands(dvr, arguments):
+    result = dvr(*arguments, "--help")
+    assert (result.code, result.err) == (0, "")
+    assert f"Usage: dvr {' '.join(arguments)} " in result.out
+    assert max(map(len, result.out.splitlines())) <= 80
+
+
+SMOOTH = {
+    "--directions": ["axis,random"],
+    "--center": ["0.5,0.5"],
+    "--axis": ["0,0,1"],
+    "--max-iterations": ["2"],
+    "--tol": ["1e-6"],
+    "--patience": ["2"],
+    "--target": ["0.7"],
+    "--time-limit": ["5.5"],
+    "--order": ["natural"],
+    "--seed": ["18446744073709551615"],
+    "--straighten": [],
+    "--report": ["{folder}/r.csv"],
+    "--no-report": [],
+    "--input-format": ["gmsh"],
+    "--output-format": ["vtk"],
+    "--fail-below": ["-1"],
+    "--quiet": [],
+    "--verbose": [],
+    "--debug": [],
+}
+QUALITY = {
+    "--json": [],
+    "--csv": [],
+    "--worst": ["3"],
+    "--fail-below": ["0.1"],
+    "--input-format": ["gmsh"],
+    "--debug": [],
+}
+COMPARE = {"--json": [], "--input-format": ["gmsh"], "--debug": []}
+
+
+@pytest.mark.parametrize(
+    ("command", "options"),
+    [("smooth", SMOOTH), ("report quality", QUALITY), ("report compare", COMPARE)],
+    ids=["smooth", "quality", "compare"],
+)
+def test_every_option_in_the_help_works(dvr, tmp_path, command, options):
+    source = fan(tmp_path / "in.msh")
+    paths = {
+        "smooth": [source, tmp_path / "out.msh"],
+        "report quality": [source],
+        "report compare": [source, source],
+    }[command]
+    text = dvr(*command.split(), "--help").out
+    assert set(re.findall(r"^  (?:-\w, )?(--[\w-]+)", text, flags=re.MULTILINE)) == {*options, "--help"}
+    for option, values in options.items():
+        values = [value.format(folder=tmp_path) for value in values]
+        result = dvr(*command.split(), option, *values, *paths)
+        assert result.code == 0, (option, result.err)
+
+
+def test_the_orders_are_those_of_the_schedule(dvr, tmp_path):
+    for order in ORDERS:
+        result = dvr("smooth", fan(tmp_path / "in.msh"), tmp_path / "out.msh", "--order", order)
+        assert result.code == 0
+    assert "|".join(ORDERS) in dvr("smooth", "--help").out
+
+
+def test_the_version(dvr):
+    for arguments in (["--version"], ["--version", "smooth"]):
+        result = dvr(*arguments)
+        assert (result.code, result.out, result.err) == (0, f"dvr {dvr_cli.__version__}\n", "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "unwanted"),
+    [
+        (["--version"], {"numpy", "meshio", "rich", "trimesh", "typer"}),
+        (["smooth", "--help"], {"numpy", "meshio", "rich", "trimesh"}),
+        (["smooth", "--frobnicate"], {"numpy", "meshio", "rich", "trimesh"}),
+    ],
+)
+def test_what_is_not_imported(arguments, unwanted):
+    program = (
+        "import sys; from dvr_cli.cli.main import main; main(sys.argv[1:]);"
+        "print('imported', *sorted({name.split('.')[0] for name in sys.modules}))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", program, *arguments], capture_output=True, text=True, check=True, timeout=60
+    )
+    imported = set(run.stdout.splitlines()[-1].split())
+    assert "dvr_cli" in imported
+    assert not unwanted & imported
