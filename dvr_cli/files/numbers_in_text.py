@@ -13,6 +13,8 @@ import numpy as np
 
 _BLANK = np.zeros(256, dtype=bool)
 _BLANK[list(b" \t\n\v\f\r")] = True
+_LONE_SIGN = re.compile(rb"[+-](\s|\Z)")
+_BLANK_CHARACTER = re.compile(rb"\s")
 _BLOCK = 1 << 22  # bytes looked at in one go when counting tokens
 _CHUNK = 1 << 16  # tokens replaced in one go when writing
 
@@ -27,17 +29,20 @@ def parse_numbers(text: bytes, count: int, dtype: type | np.dtype) -> np.ndarray
 
     Raises ValueError if there are more or fewer, or something in it is no number.
     """
-    if count == 0 and not text.strip():
-        return np.empty(0, dtype=dtype)
-    with warnings.catch_warnings():
-        # NumPy only warns when it stops in front of something that is no number.
-        warnings.simplefilter("error", DeprecationWarning)
-        try:
-            numbers = np.fromstring(text, dtype=dtype, sep=" ")
-        except DeprecationWarning:
-            raise ValueError("not a number") from None
+    # NumPy takes a sign and the integer behind the next blank for one number.
+    if np.issubdtype(dtype, np.integer) and (b"-" in text or b"+" in text) and _LONE_SIGN.search(text):
+        raise ValueError("a sign without a number")
+    if not text or text.isspace():  # NumPy reads a number out of blanks
+        numbers = np.empty(0, dtype=dtype)
+    else:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # how older NumPy reports stray text
+            try:
+                numbers = np.fromstring(text, dtype=dtype, sep=" ")
+            except DeprecationWarning as warning:
+                raise ValueError(str(warning)) from None
     if len(numbers) != count:
-        raise ValueError("not a number")
+        raise ValueError(f"{len(numbers)} numbers instead of {count}")
     return numbers
 
 
@@ -47,6 +52,16 @@ def token_spans(text: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     np.logical_not(is_blank(text), out=solid[1:-1])
     edges = np.flatnonzero(solid[1:] != solid[:-1])
     return edges[0::2], edges[1::2]
+
+
+def inside_spans(length: int, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """(length,) bool: which positions lie in one of the ascending, disjoint spans [start, end)."""
+    if not len(starts):
+        return np.zeros(length, dtype=bool)
+    apart = starts[1:] != ends[:-1]  # spans that touch are taken together: whole runs of lines often do
+    edges = np.stack([starts[np.r_[True, apart]], ends[np.r_[apart, True]]], axis=1).ravel()
+    runs = np.diff(edges, prepend=0, append=length)
+    return np.repeat(np.arange(len(runs)) % 2 == 1, runs)
 
 
 def end_of_tokens(data: bytes, begin: int, count: int) -> int | None:
@@ -64,7 +79,7 @@ def end_of_tokens(data: bytes, begin: int, count: int) -> int | None:
         found = int(np.count_nonzero(first))
         if found >= count:
             last = block_begin + int(np.flatnonzero(first)[count - 1])
-            blank = re.compile(rb"\s").search(data, last)
+            blank = _BLANK_CHARACTER.search(data, last)
             return blank.start() if blank else len(data)
         count -= found
     return None
@@ -89,11 +104,16 @@ def write_replaced(
     file.write(memoryview(data)[done:])
 
 
+def shown(word: bytes | str) -> str:
+    """A word of the file as it may appear in a message of one line: quoted, escaped, and not too long."""
+    text = word if isinstance(word, str) else word[:64].decode("latin-1")
+    return ascii(text if len(text) <= 40 else text[:40] + "...")
+
+
 class Rows:
     """Some lines of a text file, cut into tokens.
 
-    text: (m,) uint8, those lines one after the other, each with its line end; may be overwritten
-        before ``numbers`` is called to blank out what is no number.
+    text: (m,) uint8, those lines one after the other, each with its line end.
     counts: (n,) number of tokens in each line.
     first: (n,) index of each line's first token.
     starts, ends: (t,) where each token lies in ``text``.
@@ -101,24 +121,29 @@ class Rows:
 
     def __init__(self, characters: np.ndarray, line_starts: np.ndarray, line_ends: np.ndarray) -> None:
         """``characters``: the file, uint8; lines as ascending [start, end), the line end included."""
-        inside = np.zeros(len(characters) + 1, dtype=np.int8)
-        np.add.at(inside, line_starts, 1)
-        np.add.at(inside, line_ends, -1)
-        np.cumsum(inside, dtype=np.int8, out=inside)
-        self.text = characters[inside[:-1].view(bool)]
+        self.text = characters[inside_spans(len(characters), line_starts, line_ends)]
         lengths = line_ends - line_starts
-        text_starts = np.cumsum(lengths) - lengths
-        self._shift = line_starts - text_starts
+        self._text_starts = np.concatenate([[0], np.cumsum(lengths)])
+        self._shift = line_starts - self._text_starts[:-1]
         self.starts, self.ends = token_spans(self.text)
-        self.first = np.searchsorted(self.starts, text_starts)
+        self.first = np.searchsorted(self.starts, self._text_starts[:-1])
         self.counts = np.diff(self.first, append=len(self.starts))
+
+    def blank_out(self, starts: np.ndarray, ends: np.ndarray) -> None:
+        """Overwrite ascending, disjoint spans [start, end) of ``text`` with blanks; tokens stay counted."""
+        self.text[inside_spans(len(self.text), starts, ends)] = ord(" ")
 
     def numbers(self, count: int, dtype: type | np.dtype) -> np.ndarray:
         """The ``count`` numbers in all lines; ValueError if ``text`` holds anything else."""
         return parse_numbers(self.text.tobytes(), count, dtype)
 
-    def source_spans(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where the tokens number ``columns`` ((k,)) of each line lie in the file: two (n, k) arrays."""
-        tokens = self.first[:, None] + columns
-        shift = self._shift[:, None]
+    def line_numbers(self, line: int, count: int, dtype: type | np.dtype) -> np.ndarray:
+        """The ``count`` numbers in one line; ValueError if it holds anything else."""
+        begin, end = self._text_starts[line : line + 2]
+        return parse_numbers(self.text[begin:end].tobytes(), count, dtype)
+
+    def source_spans(self, lines: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where the tokens number ``columns`` of each of ``lines`` lie in the file: (lines, columns) each."""
+        tokens = self.first[lines, None] + columns
+        shift = self._shift[lines, None]
         return self.starts[tokens] + shift, self.ends[tokens] + shift

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from dvr_cli.errors import InputError
 
 _OPENING = re.compile(rb"\s*\$(\w+)[^\n]*\n")
+_VERSION = re.compile(rb"\d{1,3}(\.\d{1,3})?")
 _BLANK = re.compile(rb"\s*\Z")
 _ONCE = {"MeshFormat", "PhysicalNames", "Entities", "PartitionedEntities", "Nodes", "Elements", "Periodic"}
 _VIEWS = {"NodeData", "ElementData"}
@@ -65,14 +66,16 @@ def _next_section(data: bytes, at: int) -> Section:
     if match is None:
         if at == 0:
             raise InputError("not a Gmsh mesh: it does not begin with $MeshFormat")
-        found = data[at : at + 40].split(maxsplit=1)[0].decode("ascii", "backslashreplace")
-        raise InputError(f"a section such as $Nodes is expected where {found!r} stands")
-    name = match[1].decode("ascii", "backslashreplace")
+        found = quoted(data[at : at + 40].split()[0])
+        raise InputError(f"a section is expected where {found} stands: the file is truncated or damaged")
+    name = match[1].decode()
+    if name.startswith("End"):
+        raise InputError(f"${name} stands where no such section has begun: the file is damaged")
     if name in ("NOD", "ELM"):
         raise InputError(
             "MSH format 1 is not supported: convert it with 'gmsh IN -save -format msh41 -o OUT'"
         )
-    start = match.end()
+    start = match.end()  # what is binary may hold the closing marker by chance, once in 2**72 bytes
     stop = data.find(b"$End" + match[1], start)
     if stop < 0:
         raise InputError(f"section ${name} has no $End{name}: the file is truncated or damaged")
@@ -86,9 +89,9 @@ def read_header(data: bytes, sections: Sections) -> Header:
         raise InputError("the file has no $MeshFormat section")
     line, _, rest = data[section.start : section.stop].partition(b"\n")
     fields = line.split()
-    if len(fields) != 3 or fields[1] not in (b"0", b"1"):
+    if len(fields) < 3 or fields[1] not in (b"0", b"1") or not _VERSION.fullmatch(fields[0]):
         raise InputError("section $MeshFormat is damaged")
-    version = fields[0].decode("ascii", "backslashreplace")
+    version = fields[0].decode()
     if version not in ("2", "2.0", "2.1", "2.2", "4.1"):
         raise InputError(
             f"MSH format {version} is not supported (2.2 and 4.1 are): "
@@ -117,6 +120,11 @@ def read_count(data: bytes, at: int, section: Section) -> tuple[int, int]:
     line, after = read_line(data, at, section)
     if not re.fullmatch(rb"\d{1,18}", line):
         raise InputError(
-            f"section ${section.name} is damaged: a count is expected where {line[:20]!r} stands"
+            f"section ${section.name} is damaged: a count is expected where {quoted(line)} stands"
         )
     return int(line), after
+
+
+def quoted(text: bytes) -> str:
+    """The beginning of some text of a file, fit for an error message of one line."""
+    return repr(text[:40].decode("ascii", "backslashreplace"))

@@ -12,22 +12,24 @@ import struct
 import warnings
 from abc import ABC, abstractmethod
 from functools import cache
+from typing import ClassVar
 
 import numpy as np
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.gmsh_sections import Header, Section
-
-_BYTES = {"i": 4, "q": 8, "d": 8}
+from dvr_cli.files.gmsh.sections import Header, Section
 
 
 class Numbers(ABC):
     """A reading position in the numbers of a section.
 
-    position: tokens read so far (ASCII), or the offset in the file of the next number (binary).
+    position: tokens read so far (ASCII), or bytes passed since the beginning of its body (binary).
+    length: how far a number of each kind advances the position.
+    name: the section's.
     """
 
     position: int
+    length: ClassVar[dict[str, int]]
     name: str
 
     @abstractmethod
@@ -59,6 +61,8 @@ class Numbers(ABC):
 
 class TextNumbers(Numbers):
     """The numbers of an ASCII section, all parsed at once into an array of ``dtype``."""
+
+    length: ClassVar[dict[str, int]] = {"i": 1, "q": 1, "d": 1}
 
     def __init__(self, data: bytes, section: Section, dtype: type) -> None:
         self.values = parse(data[section.start : section.stop], dtype, section.name)
@@ -108,26 +112,27 @@ class TextNumbers(Numbers):
 class BinaryNumbers(Numbers):
     """The numbers of a binary section: views of the file's bytes."""
 
+    length: ClassVar[dict[str, int]] = {"i": 4, "q": 8, "d": 8}
+
     def __init__(self, data: bytes, section: Section, byte_order: str) -> None:
-        self._data = data
-        self._stop = section.stop
+        self._body = memoryview(data)[section.start : section.stop]
         self._byte_order = byte_order
-        self.position = section.start
+        self.position = 0
         self.name = section.name
 
     def _advance(self, size: int) -> int:
-        if not 0 <= size <= self._stop - self.position:
+        if not 0 <= size <= len(self._body) - self.position:
             raise self.ends_early()
         self.position += size
         return self.position - size
 
     def record(self, kinds: str) -> list:
         packed = _packed(self._byte_order + kinds)
-        return list(packed.unpack_from(self._data, self._advance(packed.size)))
+        return list(packed.unpack_from(self._body, self._advance(packed.size)))
 
     def _array(self, kind: str, count: int) -> np.ndarray:
-        at = self._advance(count * _BYTES[kind])
-        return np.frombuffer(self._data, self._byte_order + kind, count, at)
+        at = self._advance(count * self.length[kind])
+        return np.frombuffer(self._body, self._byte_order + kind, count, at)
 
     def integers(self, kind: str, count: int) -> np.ndarray:
         return self._array(kind, count)
@@ -136,15 +141,16 @@ class BinaryNumbers(Numbers):
         return self._array("d", count)
 
     def skip(self, kind: str, count: int) -> None:
-        self._advance(count * _BYTES[kind])
+        self._advance(count * self.length[kind])
 
     def finish(self) -> None:
-        if not is_blank(self._data, self.position, self._stop):
+        rest = bytes(self._body[self.position :])
+        if rest and not rest.isspace():
             raise self.goes_on()
 
 
-def read_numbers(data: bytes, section: Section, header: Header, dtype: type = float) -> Numbers:
-    """The numbers of a section; ``dtype`` (int or float) is what ASCII tokens are parsed as."""
+def read_numbers(data: bytes, section: Section, header: Header, dtype: type = np.float64) -> Numbers:
+    """The numbers of a section; ``dtype`` (int64 or float64) is what ASCII tokens are parsed as."""
     if header.byte_order:
         return BinaryNumbers(data, section, header.byte_order)
     return TextNumbers(data, section, dtype)

@@ -1,0 +1,90 @@
+"""The sections $PhysicalNames, $NodeData and $ElementData of a Gmsh file."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from dvr_cli.errors import InputError
+from dvr_cli.files.gmsh.numbers import is_blank, parse
+from dvr_cli.files.gmsh.sections import Header, Section, quoted, read_count, read_line
+
+_NAME = re.compile(rb'(\d)\s+(-?\d{1,9})\s+"?(.*?)"?')
+
+
+class View(NamedTuple):
+    """One step of a post-processing view on nodes or elements.
+
+    tags: (n,) node tags or element numbers. values: (n, 1), (n, 3) or (n, 9).
+    """
+
+    name: str
+    on_nodes: bool
+    step: int
+    tags: np.ndarray
+    values: np.ndarray
+
+
+def read_physical_names(data: bytes, section: Section) -> list[tuple[str, int, int]]:
+    """Read $PhysicalNames: the name, tag and dimension of each group."""
+    count, at = read_count(data, section.start, section)
+    names = []
+    for line in filter(None, map(bytes.strip, data[at : section.stop].split(b"\n"))):
+        match = _NAME.fullmatch(line)
+        if match is None:
+            raise InputError(f"section $PhysicalNames is damaged: {quoted(line)} does not name a group")
+        names.append((_text(match[3]), int(match[2]), int(match[1])))
+    if len(names) != count:
+        raise InputError(f"section $PhysicalNames declares {count} names and holds {len(names)}")
+    return names
+
+
+def read_view(data: bytes, section: Section, header: Header) -> View | None:
+    """Read $NodeData or $ElementData; None if it is neither scalar, vector (3) nor tensor (9)."""
+    tags: list[list[bytes]] = []
+    at = section.start
+    for _ in ("strings", "reals", "integers"):
+        count, at = read_count(data, at, section)
+        tags.append([])
+        for _ in range(count):
+            line, at = read_line(data, at, section)
+            tags[-1].append(line)
+    strings, _, integers = tags
+    if len(integers) < 3 or not all(re.fullmatch(rb"-?\d{1,18}", tag) for tag in integers):
+        raise InputError(f"section ${section.name} is damaged: its integer tags are wrong")
+    step, components, count = map(int, integers[:3])
+    if components not in (1, 3, 9):
+        return None
+    numbers, values = _values(data, at, section, header, count, components)
+    name = _text(strings[0].strip(b'"')) if strings else ""
+    return View(name, section.name == "NodeData", step, numbers, values)
+
+
+def _values(
+    data: bytes, at: int, section: Section, header: Header, count: int, components: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """(count,) tags and (count, components) values from where they begin to the section's end."""
+    wrong = InputError(f"section ${section.name} does not hold the {count} values it declares")
+    if header.byte_order:
+        row = np.dtype(
+            [("tag", header.byte_order + "i4"), ("value", header.byte_order + "f8", (components,))]
+        )
+        end = at + count * row.itemsize
+        if not at <= end <= section.stop or not is_blank(data, end, section.stop):
+            raise wrong
+        table = np.frombuffer(data, row, count, at)
+        return table["tag"].astype(np.int64), table["value"]
+    values = parse(data[at : section.stop], np.float64, section.name)
+    if count * (1 + components) != len(values):
+        raise wrong
+    values = values.reshape(count, 1 + components)
+    return np.rint(values[:, 0]).astype(np.int64), values[:, 1:]
+
+
+def _text(name: bytes) -> str:
+    try:
+        return name.decode()
+    except UnicodeDecodeError:
+        return name.decode("latin-1")

@@ -1,0 +1,106 @@
+"""Reading the sections of MSH 4.1, ASCII and binary, whose nodes and elements come in blocks by entity."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.errors import InputError
+from dvr_cli.files.gmsh.cells import cell_type
+from dvr_cli.files.gmsh.elements import MAX_GROUPS, Elements
+from dvr_cli.files.gmsh.nodes import NodeBlocks, Nodes
+from dvr_cli.files.gmsh.numbers import Numbers
+
+# The physical tags of every entity that has some, by (dimension, entity tag).
+PhysicalTags = dict[tuple[int, int], list[int]]
+
+
+def read_entities(numbers: Numbers, partitioned: bool) -> PhysicalTags:
+    """Read $Entities, or $PartitionedEntities, for the physical groups of each entity.
+
+    Gmsh gives a group a negative tag where it runs against the entity's orientation; the sign is dropped.
+    """
+    physical: PhysicalTags = {}
+    if partitioned:
+        numbers.record("q")  # number of partitions
+        (ghosts,) = numbers.record("q")
+        numbers.skip("i", 2 * ghosts)
+    for dimension, entities in enumerate(numbers.record("4q")):
+        box = "3dq" if dimension == 0 else "6dq"
+        for _ in range(entities):
+            if partitioned:
+                tag, _, _, partitions = numbers.record("3iq")
+                numbers.skip("i", partitions)
+                groups = numbers.record(box)[-1]
+            else:
+                tag, *_, groups = numbers.record("i" + box)
+            if groups:
+                tags = numbers.integers("i", groups)
+                if groups > MAX_GROUPS:
+                    raise InputError(f"an entity is in {groups} physical groups; dvr takes {MAX_GROUPS}")
+                physical[dimension, tag] = abs(tags).tolist()
+            if dimension > 0:
+                (bounds,) = numbers.record("q")
+                numbers.skip("i", bounds)
+    numbers.finish()
+    return physical
+
+
+def read_nodes(numbers: Numbers) -> Nodes:
+    """Read $Nodes. Parametric coordinates are passed over; the layout says where they are."""
+    unit = numbers.length["d"]
+    blocks, declared, _, _ = numbers.record("4q")
+    tags, points, layout = [], [], []
+    for _ in range(blocks):
+        flag = numbers.position + 2 * numbers.length["i"]
+        dimension, _, parametric, count = numbers.record("3iq")
+        if not 0 <= dimension <= 3 or parametric not in (0, 1):
+            raise InputError(f"section ${numbers.name} is damaged: a block of nodes has a wrong header")
+        parameters = dimension if parametric else 0
+        tags.append(numbers.integers("q", count))
+        first = numbers.position
+        points.append(numbers.doubles(count * (3 + parameters)).reshape(count, 3 + parameters)[:, :3])
+        layout.append((first, count, (3 + parameters) * unit, parameters * unit, parameters > 0, flag))
+    numbers.finish()
+    nodes = Nodes.join(tags, points, NodeBlocks.of(layout))
+    if len(nodes.tags) != declared:
+        raise InputError(f"section $Nodes declares {declared} nodes and holds {len(nodes.tags)}")
+    return nodes
+
+
+def read_elements(numbers: Numbers, physical: PhysicalTags) -> list[Elements]:
+    """Read $Elements; the physical tags of an element are those of its entity, or 0."""
+    blocks, declared, _, _ = numbers.record("4q")
+    elements = []
+    for _ in range(blocks):
+        dimension, entity, code, count = numbers.record("3iq")
+        width = 1 + cell_type(code).nodes
+        table = numbers.integers("q", count * width).reshape(count, width)
+        groups = physical.get((dimension, entity), [0])
+        elements.append(
+            Elements(
+                code,
+                numbers=table[:, 0],
+                nodes=table[:, 1:],
+                geometrical=np.full(count, entity),
+                physical=np.full((count, len(groups)), groups),
+            )
+        )
+    numbers.finish()
+    held = sum(len(block.numbers) for block in elements)
+    if held != declared:
+        raise InputError(f"section $Elements declares {declared} elements and holds {held}")
+    return elements
+
+
+def read_periodic(numbers: Numbers) -> np.ndarray:
+    """Read $Periodic: (K, 2) node tags, slave and master."""
+    pairs = [np.empty((0, 2), np.int64)]
+    (links,) = numbers.record("q")
+    for _ in range(links):
+        numbers.skip("i", 3)
+        (affine,) = numbers.record("q")
+        numbers.skip("d", affine)
+        (count,) = numbers.record("q")
+        pairs.append(numbers.integers("q", 2 * count).reshape(count, 2))
+    numbers.finish()
+    return np.concatenate(pairs)

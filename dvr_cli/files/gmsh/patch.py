@@ -1,0 +1,120 @@
+"""Replacing coordinates in the bytes of a Gmsh file, and nothing else.
+
+A node that moves loses its parametric coordinates: they say where on its curve or surface it was. MSH 4.1
+marks blocks of nodes as parametric, so the blocks in which a node moved are rewritten as non-parametric; in
+MSH 2 a whole section is parametric or not, and $ParametricNodes becomes $Nodes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.files.gmsh.nodes import NodeBlocks
+from dvr_cli.files.gmsh.sections import Header, Section
+
+
+def patch_nodes(
+    data: bytes,
+    section: Section,
+    header: Header,
+    blocks: NodeBlocks,
+    points: np.ndarray,
+    changed: np.ndarray,
+) -> tuple[bytes, int]:
+    """The bytes of the section of nodes, markers included, with new coordinates.
+
+    points: (N, 3) coordinates; changed: (N, 3) bool, which of them to write.
+    Also returns how many nodes have lost their parametric coordinates.
+    """
+    moved = np.concatenate([[0], np.cumsum(changed.any(axis=1))])
+    ends = np.cumsum(blocks.size)
+    stale = (blocks.parametric == 1) & (moved[ends] > moved[ends - blocks.size])
+    opening, closing = data[section.opening : section.start], data[section.stop : section.end]
+    dropped = stale
+    if section.name == "ParametricNodes" and stale.any():
+        dropped = np.ones_like(stale)
+        opening, closing = (marker.replace(b"ParametricNodes", b"Nodes") for marker in (opening, closing))
+    body = data[section.start : section.stop]
+    if header.byte_order:
+        body = _patch_binary(body, header.byte_order, blocks, points, changed, dropped)
+    else:
+        body = _patch_text(body, blocks, points, changed, dropped)
+    return b"".join([opening, body, closing]), int(blocks.size[dropped & (blocks.parametric == 1)].sum())
+
+
+def _patch_text(
+    body: bytes, blocks: NodeBlocks, points: np.ndarray, changed: np.ndarray, dropped: np.ndarray
+) -> bytes:
+    """The body with the changed coordinates; blocks that are ``dropped`` lose flag and tails."""
+    start, stop = _tokens(body)
+    first = blocks.positions()
+    node, axis = np.nonzero(changed)
+    token = first[node] + axis
+    digits = list(map(repr, points[changed].tolist()))
+    flag = blocks.flag[dropped & (blocks.flag >= 0)]
+    tail = np.repeat(np.where(dropped, blocks.tail, 0), blocks.size)
+    last = first[tail > 0] + 2
+    return _splice(
+        body,
+        np.concatenate([start[token], start[flag], stop[last]]),
+        np.concatenate([stop[token], stop[flag], stop[last + tail[tail > 0]]]),
+        digits + ["0"] * len(flag) + [""] * len(last),
+    )
+
+
+def _patch_binary(
+    body: bytes,
+    byte_order: str,
+    blocks: NodeBlocks,
+    points: np.ndarray,
+    changed: np.ndarray,
+    dropped: np.ndarray,
+) -> bytes:
+    """The body with the changed coordinates; blocks that are ``dropped`` lose flag and tails."""
+    buffer = bytearray(body)
+    end = 0
+    for first, size, stride in zip(*(column.tolist() for column in blocks[:3]), strict=True):
+        begin, end = end, end + size
+        mask = changed[begin:end]
+        if mask.any():
+            stored = np.ndarray((size, 3), byte_order + "f8", buffer, first, (stride, 8))
+            stored[mask] = points[begin:end][mask]
+    for flag in blocks.flag[dropped & (blocks.flag >= 0)].tolist():
+        buffer[flag : flag + 4] = bytes(4)
+    tail = np.repeat(np.where(dropped, blocks.tail, 0), blocks.size)
+    last = blocks.positions()[tail > 0] + 24
+    return _splice(bytes(buffer), last, last + tail[tail > 0], [""] * len(last))
+
+
+def _tokens(text: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Where each token of ``text`` starts and stops; tokens are separated by white space."""
+    solid = np.zeros(len(text) + 2, np.int8)
+    solid[1:-1] = np.frombuffer(text, np.uint8) > ord(" ")  # what lies below was found to be white space
+    edges = np.diff(solid)
+    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+
+
+def _splice(text: bytes, start: np.ndarray, stop: np.ndarray, replacements: list[str]) -> bytes:
+    """``text`` with each stretch start[i]:stop[i] replaced; the stretches are not empty nor overlap."""
+    if len(start) == 0:
+        return text
+    order = np.argsort(start, kind="stable")
+    start, stop = start[order], stop[order]
+    replacements = [replacements[i] for i in order.tolist()]
+    length = np.fromiter(map(len, replacements), np.int64, len(replacements))
+    growth = length - (stop - start)
+    moved = start + np.cumsum(growth) - growth  # where each replacement comes to stand
+    kept = ~_covered(start, stop, len(text))
+    written = _covered(moved[length > 0], (moved + length)[length > 0], len(text) + int(growth.sum()))
+    result = np.empty(len(written), np.uint8)
+    result[written] = np.frombuffer("".join(replacements).encode(), np.uint8)
+    result[~written] = np.frombuffer(text, np.uint8)[kept]
+    return result.tobytes()
+
+
+def _covered(start: np.ndarray, stop: np.ndarray, size: int) -> np.ndarray:
+    """(size,) bool: which positions lie in one of the stretches start[i]:stop[i], none of which overlap."""
+    change = np.zeros(size + 1, np.int8)
+    change[start] += 1
+    change[stop] -= 1
+    return np.cumsum(change[:-1], dtype=np.int8).astype(bool)

@@ -1,0 +1,105 @@
+"""Gmsh MSH files, versions 2.0 to 2.2 and 4.1, ASCII and binary: read them, and write them back losslessly.
+
+Our own reader, because meshio's cannot read much of what Gmsh writes and forgets where it read things; the
+file is kept and on writing only the coordinates in it are replaced.
+"""
+
+from __future__ import annotations
+
+from typing import BinaryIO
+
+import numpy as np
+
+from dvr_cli.errors import InputError
+from dvr_cli.files.gmsh import msh2, msh4
+from dvr_cli.files.gmsh.data import read_physical_names, read_view
+from dvr_cli.files.gmsh.elements import Elements
+from dvr_cli.files.gmsh.mesh import make_mesh
+from dvr_cli.files.gmsh.nodes import NodeBlocks, Nodes
+from dvr_cli.files.gmsh.numbers import read_numbers
+from dvr_cli.files.gmsh.patch import patch_nodes
+from dvr_cli.files.gmsh.sections import Header, Section, find_sections, read_header
+from dvr_cli.files.source import Source
+from dvr_cli.mesh.mesh import Mesh
+
+_Parts = tuple[Nodes, list[Elements], np.ndarray]  # the last: periodic pairs of node tags
+_NO_PAIRS = np.empty((0, 2), np.int64)
+
+
+class GmshSource(Source):
+    """A Gmsh file, read."""
+
+    format = "gmsh"
+
+    def __init__(self, data: bytes, mesh: Mesh, header: Header, section: Section, blocks: NodeBlocks) -> None:
+        """section, blocks: the file's section of nodes and where the coordinates are in it."""
+        super().__init__()
+        self.mesh = mesh
+        self._data = data
+        self._header = header
+        self._section = section
+        self._blocks = blocks
+        self._points = mesh.points.copy()  # as read, whatever becomes of the mesh
+
+    def write(self, points: np.ndarray, file: BinaryIO) -> None:
+        """Write the file with other coordinates; ``notes`` says if parametric ones had to go."""
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        changed = points.view(np.int64) != self._points.view(np.int64)
+        self.notes = []
+        if not changed.any():
+            file.write(self._data)
+            return
+        section, stale = patch_nodes(self._data, self._section, self._header, self._blocks, points, changed)
+        if stale:
+            nodes = "1 node" if stale == 1 else f"{stale} nodes"
+            self.notes.append(f"dropped the parametric coordinates of {nodes}: moving nodes makes them wrong")
+        whole = memoryview(self._data)
+        file.write(whole[: self._section.opening])
+        file.write(section)
+        file.write(whole[self._section.end :])
+
+
+def read(data: bytes) -> GmshSource:
+    """Read a Gmsh file from its bytes.
+
+    Cells come in blocks of consecutive elements of one type (in one block a type should a file change type
+    more than a thousand times), under meshio's names and in its node order. See ``mesh`` for
+    physical groups. Fields are NaN where the file gives no value; of a view with several
+    steps the last is taken. InputError if the file is damaged or uses what is not supported.
+    """
+    sections = find_sections(data)
+    header = read_header(data, sections)
+    once = sections.once
+    version_2 = header.version.startswith("2")
+    if "Nodes" not in once or (once["Nodes"].name != "Nodes" and not version_2):
+        raise InputError("the file has no $Nodes section, hence no mesh")
+    with np.errstate(invalid="ignore"):  # a NaN for an integer is found out after its conversion
+        names = read_physical_names(data, once["PhysicalNames"]) if "PhysicalNames" in once else []
+        views = [read_view(data, section, header) for section in sections.views]
+        nodes, elements, periodic = (_read_msh2 if version_2 else _read_msh4)(data, header, once)
+        mesh = make_mesh(
+            nodes, elements, names, periodic, [view for view in views if view], repeated=version_2
+        )
+    return GmshSource(data, mesh, header, once["Nodes"], nodes.blocks)
+
+
+def _read_msh2(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
+    nodes = msh2.read_nodes(data, once["Nodes"], header)
+    elements = msh2.read_elements(data, once["Elements"], header) if "Elements" in once else []
+    periodic = msh2.read_periodic(data, once["Periodic"]) if "Periodic" in once else _NO_PAIRS
+    return nodes, elements, periodic
+
+
+def _read_msh4(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
+    physical: msh4.PhysicalTags = {}
+    for name in ("Entities", "PartitionedEntities"):
+        if name in once:
+            numbers = read_numbers(data, once[name], header)
+            physical |= msh4.read_entities(numbers, partitioned=name == "PartitionedEntities")
+    nodes = msh4.read_nodes(read_numbers(data, once["Nodes"], header))
+    elements, periodic = [], _NO_PAIRS
+    if "Elements" in once:
+        elements = msh4.read_elements(read_numbers(data, once["Elements"], header, np.int64), physical)
+    if "Periodic" in once:
+        periodic = msh4.read_periodic(read_numbers(data, once["Periodic"], header))
+    return nodes, elements, periodic
