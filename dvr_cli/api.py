@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -13,7 +14,7 @@ import numpy as np
 
 from dvr_cli.errors import OutputError, UsageError
 from dvr_cli.files.arrays import read_directions
-from dvr_cli.mesh.convert import from_meshio, to_meshio
+from dvr_cli.mesh.convert import from_meshio
 from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
@@ -84,13 +85,13 @@ class SmoothOptions:
             "center": None if self.center is None else [float(c) for c in self.center],
             "axis": None if self.axis is None else [float(a) for a in self.axis],
             "order": self.order,
-            "seed": self.seed,
-            "straighten": self.straighten,
-            "max_iterations": self.stopping.max_iterations,
-            "tol": self.stopping.tol,
-            "patience": self.stopping.patience,
-            "target": self.stopping.target,
-            "time_limit": self.stopping.time_limit,
+            "seed": int(self.seed),
+            "straighten": bool(self.straighten),
+            "max_iterations": int(self.stopping.max_iterations),
+            "tol": float(self.stopping.tol),
+            "patience": int(self.stopping.patience),
+            "target": None if self.stopping.target is None else float(self.stopping.target),
+            "time_limit": None if self.stopping.time_limit is None else float(self.stopping.time_limit),
         }
 
 
@@ -133,7 +134,9 @@ def smooth(
     points, report = smooth_mesh(internal, options)
     if isinstance(mesh, np.ndarray):
         return points, report
-    return to_meshio(internal, points), report
+    moved = copy.copy(mesh)
+    moved.points = points
+    return moved, report
 
 
 def quality_report(
@@ -193,14 +196,17 @@ def smooth_mesh(
     touched = _touched_corners(domain, relaxed)
     outcome = relax(problem, touched, domain.points, directions, options.stopping, on_sweep, interrupted)
     seconds = time.perf_counter() - begin
-    points, after = _kept(domain, domain.lift(mesh.points, outcome.points), relaxed, before, storage)
+    points, stopped_because = domain.lift(mesh.points, outcome.points), outcome.stopped_because
+    if domain.is_tilted and _worse(measure(domain, points, relaxed), before):
+        points, stopped_because = mesh.points.copy(), "rounding"
+    points, after = _kept(domain, points, relaxed, before, storage)
     report = SmoothReport(
         mesh=summarise(mesh, domain),
         relaxed=len(relaxed),
         before=before,
         after=after,
         sweeps=[asdict(sweep) for sweep in outcome.sweeps],
-        stopped_because=outcome.stopped_because,
+        stopped_because=stopped_because,
         seconds=seconds,
         engine="numpy",
         threads=1,
@@ -231,7 +237,7 @@ def _kept(
 def _worse(after: Quality, before: Quality) -> bool:
     if after.q1 is None or before.q1 is None:
         return False
-    return after.inverted > before.inverted or after.q1 < before.q1 - 1e-12 * abs(before.q1)
+    return after.inverted > before.inverted or after.q1 < before.q1
 
 
 def mesh_quality(mesh: Mesh, worst: int = 10) -> QualityReport:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+from dataclasses import asdict
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -36,9 +37,9 @@ class Progress:
     def sweep(self, sweep: Sweep) -> None:
         """Show what a sweep did."""
         if self._verbose:
-            say(sweep_line(sweep))
+            say(sweep_line(**asdict(sweep)))
         else:
-            self.show(sweep_line(sweep))
+            self.show(sweep_line(**asdict(sweep)))
 
     def __enter__(self) -> Progress:
         return self

@@ -18,7 +18,7 @@ from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.orientation import mirrored_cells, with_mirrored
 from dvr_cli.mesh.plane import Plane, plane_of
 from dvr_cli.mesh.regions import regions_of
-from dvr_cli.mesh.second_order import MidNodes, linear_cells, mid_nodes
+from dvr_cli.mesh.second_order import NODES, MidNodes, linear_cells, mid_nodes
 from dvr_cli.mesh.simplex import corner_measures
 
 LOWER = ("vertex", "line", "line4")  # cells of dimension below 2 that may come along
@@ -61,6 +61,11 @@ class Domain:
         """(n,) meshio's type name of each cell."""
         return np.repeat([block.type for block in self.cells], [len(block.vertices) for block in self.cells])
 
+    @property
+    def is_tilted(self) -> bool:
+        """Whether the mesh lies in a plane in general position, so that lifting rounds its coordinates."""
+        return self.plane is not None and self.plane.selected is None
+
     def flatten(self, points: np.ndarray) -> np.ndarray:
         """Coordinates (N, d) of points given as the mesh gives them."""
         return points if self.plane is None else self.plane.flatten(points)
@@ -82,10 +87,12 @@ def domain_of(mesh: Mesh, straighten: bool = False) -> Domain:
     cells that name missing vertices or one vertex twice, or with cells that cannot be relaxed (curved
     second-order cells, polygons, surfaces that are not planar).
     """
+    _check_values(mesh)
     linear = linear_cells(mesh.cells)
     dimension = max((DIMENSION.get(block.type, 0) for block in linear if len(block.vertices)), default=0)
     _check_types(linear, dimension)
-    _check_values(mesh)
+    if dimension > mesh.points.shape[1]:
+        raise InputError("volume cells need three coordinates, the points have 2")
     mids = mid_nodes(mesh, straighten)
     chosen = [b for b, block in enumerate(linear) if DIMENSION.get(block.type) == dimension]
     stored = [Cells(linear[b].type, linear[b].vertices.astype(np.int32)) for b in chosen]
@@ -154,6 +161,8 @@ def _check_types(cells: list[Cells], dimension: int) -> None:
 
 
 def _check_values(mesh: Mesh) -> None:
+    if mesh.points.ndim != 2 or mesh.points.shape[1] not in (2, 3):
+        raise InputError(f"points have shape {mesh.points.shape}; 2 or 3 coordinates each are needed")
     bad = np.flatnonzero(~np.isfinite(mesh.points).all(axis=1))
     if len(bad):
         raise InputError(f"the coordinates of vertex {bad[0]} (counted from 0) are not finite")
@@ -162,6 +171,12 @@ def _check_values(mesh: Mesh) -> None:
         vertices = block.vertices
         if not len(vertices):
             continue
+        nodes = NODES.get(block.type, vertices.shape[-1])
+        if vertices.ndim != 2 or vertices.shape[1] != nodes or vertices.dtype.kind not in "iu":
+            raise InputError(
+                f"{block.type} cells given as {vertices.dtype} array of shape {vertices.shape}; "
+                f"integers of shape (n, {nodes}) are needed"
+            )
         if vertices.min() < 0 or vertices.max() >= len(mesh.points):
             row = int(np.flatnonzero(((vertices < 0) | (vertices >= len(mesh.points))).any(axis=1))[0])
             raise InputError(

@@ -44,6 +44,9 @@ SECOND_ORDER: dict[str, tuple[str, tuple[tuple[int, ...], ...]]] = {
 }
 _CORNERS = {"line": 2, "triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8, "wedge": 6, "pyramid": 5}
 
+# Number of nodes of every cell type known here.
+NODES = {"vertex": 1, **_CORNERS, **{name: _CORNERS[t] + len(m) for name, (t, m) in SECOND_ORDER.items()}}
+
 
 @dataclass(frozen=True)
 class MidNodes:

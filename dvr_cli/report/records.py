@@ -55,8 +55,9 @@ class SmoothReport:
     """The report of ``dvr smooth``: qualities before and after, each sweep, and how it was run.
 
     sweeps: for each its number from 1 (sweep), Q1 after it (q1), vertices moved and seconds taken.
-    stopped_because: "converged", "max-iterations", "target", "time-limit", "interrupted" or
-        "nothing-to-relax". seconds: time of the relaxation, reading and writing aside.
+    stopped_because: "converged", "max-iterations", "target", "time-limit", "interrupted",
+        "nothing-to-relax", or "rounding" when rounding would undo the gain and the mesh was left as it was.
+    seconds: time of the relaxation, reading and writing aside.
     """
 
     mesh: MeshSummary

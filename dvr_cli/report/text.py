@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dvr_cli.relax.sweeps import Sweep
     from dvr_cli.report.compare import Comparison
     from dvr_cli.report.quality import Element, Quality
     from dvr_cli.report.records import MeshSummary, QualityReport, SmoothReport
@@ -74,9 +73,9 @@ def comparison_text(comparison: Comparison, before: str, after: str) -> str:
     )
 
 
-def sweep_line(sweep: Sweep) -> str:
+def sweep_line(sweep: int, q1: float, moved: int, seconds: float) -> str:
     """What one sweep did, in one line."""
-    return f"sweep {sweep.sweep:3d}  Q1 {_number(sweep.q1)}  moved {sweep.moved}  {sweep.seconds:.2f} s"
+    return f"sweep {sweep:3d}  Q1 {_number(q1)}  moved {moved}  {seconds:.2f} s"
 
 
 def gate_failure(quality: Quality, limit: float) -> str:
@@ -126,6 +125,7 @@ def _why_stopped(report: SmoothReport) -> str:
         "target": f"stopped: Q1 reached the target, {options['target']}",
         "time-limit": f"stopped: the time limit of {options['time_limit']} s was reached",
         "interrupted": "interrupted: the mesh reached by then was written",
+        "rounding": "left as it was: rounding the coordinates would undo what there is to gain",
         "nothing-to-relax": "nothing to relax: no vertex lies inside the mesh",
     }[report.stopped_because]
 
