@@ -9,7 +9,14 @@ KINDS = ("triangle", "quad", "tetra", "hexahedron", "wedge", "pyramid", "mixed2d
 
 # A hexahedron cut into others, as local vertices; 8 is its centre.
 WEDGES = ((0, 3, 7, 1, 2, 6), (0, 7, 4, 1, 6, 5))
-PYRAMIDS = ((0, 1, 2, 3, 8), (7, 6, 5, 4, 8), (0, 4, 5, 1, 8), (2, 6, 7, 3, 8), (0, 3, 7, 4, 8), (1, 5, 6, 2, 8))
+PYRAMIDS = (
+    (0, 1, 2, 3, 8),
+    (7, 6, 5, 4, 8),
+    (0, 4, 5, 1, 8),
+    (2, 6, 7, 3, 8),
+    (0, 3, 7, 4, 8),
+    (1, 5, 6, 2, 8),
+)
 TETRAHEDRA = ((0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6))
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_support import Outcome, write
 from scipy.spatial import Delaunay
 
+from cli_support import Outcome, write
 from dvr_cli.cli.main import main
 
 

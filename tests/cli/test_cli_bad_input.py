@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from cli_support import CORNERS, assert_one_line, fan, listing, write
 
 INPUTS = {}

@@ -10,9 +10,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from cli_support import DVR, assert_one_line, fan, listing, points_of, read_json
 
 import dvr_cli
+from cli_support import DVR, assert_one_line, fan, listing, points_of, read_json
 from dvr_cli.cli.interrupt import Interrupt
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="signals and terminals of POSIX")

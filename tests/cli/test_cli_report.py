@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from cli_support import BEST, CORNERS, FAN, assert_one_line, fan, listing, read_json, write
 
 # The figures follow from Heron's formula and the law of cosines.

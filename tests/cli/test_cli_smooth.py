@@ -7,9 +7,9 @@ import re
 import meshio
 import numpy as np
 import pytest
-from cli_support import BEST, CORNERS, FAN, fan, listing, points_of, read_json, write
 
 import dvr_cli
+from cli_support import BEST, CORNERS, FAN, fan, listing, points_of, read_json, write
 
 SUMMARY = """\
 {folder}/in.msh -> {folder}/out.msh

@@ -8,9 +8,9 @@ import sys
 
 import numpy as np
 import pytest
-from cli_support import assert_one_line, fan, listing
 
 import dvr_cli
+from cli_support import assert_one_line, fan, listing
 from dvr_cli.relax.schedule import ORDERS
 
 

@@ -11,11 +11,11 @@ import warnings
 
 import numpy as np
 import pytest
-from fuzz import mutated
-from gmsh_corpus import NAMES, corpus
 
 from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh import read
+from fuzz import mutated
+from gmsh_corpus import NAMES, corpus
 
 SMALL = 12_000  # bytes
 MODEST = 64_000_000  # bytes; ample for what stands in a small file, nothing for what it may declare

@@ -12,13 +12,13 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from gmsh_corpus import NAMES, Account, account, corpus, gmsh_session, require_gmsh
 
 from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh import read
 from dvr_cli.files.gmsh.cells import DIMENSION, CellType, cell_type
 from dvr_cli.files.gmsh.mesh import in_group
 from dvr_cli.mesh.mesh import Mesh
+from gmsh_corpus import NAMES, Account, account, corpus, gmsh_session, require_gmsh
 
 
 def supported_types() -> dict[int, CellType]:

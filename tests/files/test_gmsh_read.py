@@ -7,13 +7,13 @@ import struct
 
 import numpy as np
 import pytest
-from gmsh_corpus import NAMES, account, corpus
 
 from dvr_cli.errors import UsageError
 from dvr_cli.files.gmsh import read
 from dvr_cli.files.gmsh.cells import DIMENSION
 from dvr_cli.files.gmsh.mesh import in_group
 from dvr_cli.mesh.mesh import Mesh
+from gmsh_corpus import NAMES, account, corpus
 
 
 def tags_of(mesh: Mesh, block: int) -> np.ndarray:

@@ -8,9 +8,9 @@ import re
 
 import numpy as np
 import pytest
-from gmsh_corpus import NAMES, account, corpus
 
 from dvr_cli.files.gmsh import GmshSource, read
+from gmsh_corpus import NAMES, account, corpus
 
 ASCII = [name for name in NAMES if name.endswith("ascii")]
 PARAMETRIC = [name for name in NAMES if name.startswith("parametric")]

@@ -9,11 +9,11 @@ import meshio
 import numpy as np
 import pytest
 import trimesh
-from fuzz import mutated
 
 from dvr_cli.errors import InputError
 from dvr_cli.files import obj
 from dvr_cli.files.obj import ObjSource
+from fuzz import mutated
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.5 0.125\n"
 FAN = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]

@@ -7,11 +7,11 @@ import io
 import meshio
 import numpy as np
 import pytest
-from fuzz import mutated
 
 from dvr_cli.errors import InputError
 from dvr_cli.files import tetgen
 from dvr_cli.files.tetgen import TetgenSource
+from fuzz import mutated
 
 NODE = b"""# a cube's corner
   4  3  1  1   # counts

@@ -8,13 +8,13 @@ import tracemalloc
 import meshio
 import numpy as np
 import pytest
-import vtk_corpus
-from fuzz import mutated
-from vtk_corpus import arrays, cells, coordinates, corpus, everything_but_coordinates, read_with_vtk
 
+import vtk_corpus
 from dvr_cli.errors import InputError
 from dvr_cli.files import vtk
 from dvr_cli.files.vtk import VtkSource
+from fuzz import mutated
+from vtk_corpus import arrays, cells, coordinates, corpus, everything_but_coordinates, read_with_vtk
 
 FILES = sorted(corpus())
 

@@ -87,7 +87,9 @@ def test_a_ring_gets_the_same_step_in_any_company():
     size = max(len(one.v0) for one in lines)
     together = lines_of(*rings[0])
     for name in ("v0", "v1", "s0", "s1", "s2"):
-        columns = [np.pad(getattr(one, name), ((0, size - len(one.v0)), (0, 0)), mode="edge") for one in lines]
+        columns = [
+            np.pad(getattr(one, name), ((0, size - len(one.v0)), (0, 0)), mode="edge") for one in lines
+        ]
         setattr(together, name, np.concatenate(columns, axis=1))
     alone = [maximise_minimum(lines_of(*ring))[0][0] for ring in rings]
     assert maximise_minimum(together)[0].tolist() == alone
