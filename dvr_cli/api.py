@@ -15,9 +15,9 @@ import numpy as np
 from dvr_cli.errors import OutputError, UsageError
 from dvr_cli.files.arrays import read_directions
 from dvr_cli.mesh.convert import from_meshio
-from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.relax.choice import checked_threads, chosen_engine, make_engine
 from dvr_cli.relax.directions import Entry, check_name, direction_field
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.schedule import ORDERS
@@ -41,6 +41,7 @@ class SmoothOptions:
     center, axis: for "circumferential" and "radial"; default the centroid of the points and the z axis.
     order: "coloured", "natural" or "shuffled". seed: for random directions and the shuffled order.
     straighten: take curved second-order cells as straight. stopping: when to stop.
+    engine: "auto", "numpy" or "numba"; threads: by default all cores. Neither changes the result.
     """
 
     directions: Directions = "random"
@@ -49,6 +50,8 @@ class SmoothOptions:
     order: str = "coloured"
     seed: int = 0
     straighten: bool = False
+    engine: str = "auto"
+    threads: int | None = None
     stopping: Stopping = field(default_factory=Stopping)
 
     def __post_init__(self) -> None:
@@ -57,6 +60,8 @@ class SmoothOptions:
             raise UsageError(f"order: unknown {self.order!r}; known: {', '.join(ORDERS)}")
         if not 0 <= self.seed < 2**64:
             raise UsageError("seed: must be between 0 and 2^64 - 1")
+        chosen_engine(self.engine, 0, 0)
+        checked_threads(self.threads)
         for entry in self.entries:
             if isinstance(entry, str):
                 check_name(entry)
@@ -110,6 +115,8 @@ def smooth(
     order: str = "coloured",
     seed: int = 0,
     straighten: bool = False,
+    engine: str = "auto",
+    threads: int | None = None,
 ) -> tuple[Any, SmoothReport]:
     """Improve a mesh by directional vertex relaxation (the paper's Algorithm 1).
 
@@ -129,7 +136,7 @@ def smooth(
     [0.5, 0.5]
     """
     stopping = Stopping(max_iterations, tol, patience, target, time_limit)
-    options = SmoothOptions(directions, center, axis, order, seed, straighten, stopping)
+    options = SmoothOptions(directions, center, axis, order, seed, straighten, engine, threads, stopping)
     internal = as_mesh(mesh, cells)
     points, report = smooth_mesh(internal, options)
     if isinstance(mesh, np.ndarray):
@@ -185,16 +192,18 @@ def smooth_mesh(
 
     Raises OutputError if rounding in the storage would make the mesh worse than it was.
     """
-    domain = domain_of(mesh, options.straighten)
+    engine_name = chosen_engine(options.engine, len(mesh.points), options.stopping.max_iterations)
+    compiled = engine_name == "numba"
+    domain = domain_of(mesh, options.straighten, compiled)
     relaxed = np.flatnonzero(domain.interior)
     directions = direction_field(
         options.entries, domain, mesh.point_data, options.seed, options.center, options.axis
     )
     before = measure(domain, mesh.points, relaxed)
     begin = time.perf_counter()
-    problem = build_problem(domain.corners, relaxed, len(mesh.points), options.order, options.seed)
-    touched = _touched_corners(domain, relaxed)
-    outcome = relax(problem, touched, domain.points, directions, options.stopping, on_sweep, interrupted)
+    problem = build_problem(domain.corners, relaxed, domain.points, options.order, options.seed, compiled)
+    engine = make_engine(engine_name, problem, checked_threads(options.threads))
+    outcome = relax(engine, domain.points, directions, options.stopping, on_sweep, interrupted)
     seconds = time.perf_counter() - begin
     points, stopped_because = domain.lift(mesh.points, outcome.points), outcome.stopped_because
     if domain.is_tilted and _worse(measure(domain, points, relaxed), before):
@@ -208,8 +217,8 @@ def smooth_mesh(
         sweeps=[asdict(sweep) for sweep in outcome.sweeps],
         stopped_because=stopped_because,
         seconds=seconds,
-        engine="numpy",
-        threads=1,
+        engine=engine.name,
+        threads=engine.threads,
         options=options.record(),
     )
     return points, report
@@ -273,12 +282,3 @@ def as_mesh(
         raise UsageError(f"points: shape {mesh.shape} is not (N, 2) or (N, 3)")
     pairs = cells.items() if isinstance(cells, Mapping) else cells
     return Mesh(np.array(mesh, dtype=np.float64), [Cells(name, np.asarray(array)) for name, array in pairs])
-
-
-def _touched_corners(domain: Domain, relaxed: np.ndarray) -> Corners:
-    """The corners that contain a relaxed vertex (of which ``first`` has no meaning)."""
-    moves = np.zeros(len(domain.points), dtype=bool)
-    moves[relaxed] = True
-    corners = domain.corners
-    touched = moves[corners.vertices].any(axis=1)
-    return Corners(corners.vertices[touched], corners.shapes[touched], corners.first[:1])

@@ -26,8 +26,9 @@ INCLINED = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6)])
 
 def two_triangles(direction):
     """λ, the qualities of both triangles there, and the best λ of each triangle alone (by the oracle)."""
-    problem = build_problem(corners_of(TWO.cells, 2), np.array([0]), 5)
-    engine = NumpyEngine(problem, TWO.points)
+    problem = build_problem(corners_of(TWO.cells, 2), np.array([0]), TWO.points)
+    engine = NumpyEngine(problem)
+    engine.load(TWO.points)
     assert engine.relax_batch(0, direction[None]) == 1
     step = (engine.points[0] - TWO.points[0]) @ direction
     np.testing.assert_allclose(engine.points[0], step * direction, atol=1e-15)

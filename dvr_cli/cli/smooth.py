@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,6 +15,7 @@ from dvr_cli.cli.progress import Progress
 from dvr_cli.cli.streams import say
 from dvr_cli.errors import OutputError, UsageError
 
+_LONG = 5.0  # seconds of relaxing after which the compiled engine is worth a word
 _REPORT_SUFFIXES = (".json", ".csv")
 
 
@@ -72,6 +74,17 @@ def smooth(
     seed: Annotated[
         int, typer.Option(min=0, metavar="N", help="Seed of random directions and the shuffled order.")
     ] = 0,
+    engine: Annotated[
+        Literal["auto", "numpy", "numba"],
+        typer.Option(
+            help="What computes; the result is the same. auto takes numba if it is installed (dvr-cli[fast]) "
+            "and pays.",
+            metavar="auto|numpy|numba",
+        ),
+    ] = "auto",
+    threads: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Threads of the numba engine; default: all cores.")
+    ] = None,
     report: Annotated[
         Path | None,
         typer.Option(
@@ -101,12 +114,13 @@ def smooth(
     from dvr_cli.api import SmoothOptions, smooth_mesh
     from dvr_cli.files import writing
     from dvr_cli.files.reading import open_mesh
+    from dvr_cli.relax.choice import has_numba
     from dvr_cli.relax.stopping import Stopping
     from dvr_cli.report.export import as_csv, as_json
     from dvr_cli.report.text import gate_failure, smooth_text
 
     stopping = Stopping(max_iterations, tol, patience, target, time_limit)
-    options = SmoothOptions(directions, center, axis, order, seed, straighten, stopping)
+    options = SmoothOptions(directions, center, axis, order, seed, straighten, engine, threads, stopping)
     if quiet and verbose:
         raise UsageError("--quiet and --verbose exclude each other")
     if report is not None and no_report:
@@ -137,6 +151,8 @@ def smooth(
                 writing.write_text(report, text + "\n")
     if not quiet:
         say(smooth_text(result, str(source), str(output)))
+        if result.engine == "numpy" and result.seconds > _LONG and not has_numba():
+            say("note: the compiled engine would be several times faster: pip install 'dvr-cli[fast]'")
         for note in destination.notes:
             say(f"note: {output}: {note}")
         if report is not None:
@@ -154,5 +170,5 @@ def _check_report(path: Path, source: Path, output: Path) -> None:
     if path.suffix.lower() not in _REPORT_SUFFIXES:
         known = ", ".join(_REPORT_SUFFIXES)
         raise UsageError(f"--report {path}: unknown suffix {path.suffix!r}; known: {known}")
-    if path.resolve() in (source.resolve(), output.resolve()):
+    if os.path.realpath(path) in (os.path.realpath(source), os.path.realpath(output)):
         raise UsageError(f"--report {path}: would overwrite a mesh")

@@ -78,10 +78,11 @@ class Domain:
         return lifted
 
 
-def domain_of(mesh: Mesh, straighten: bool = False) -> Domain:
+def domain_of(mesh: Mesh, straighten: bool = False, compiled: bool = False) -> Domain:
     """Check a mesh and find its domain.
 
     straighten: take curved second-order cells as straight.
+    compiled: use compiled code; the result is the same.
 
     Raises InputError for a mesh without planar or volume cells, with coordinates that are not finite, with
     cells that name missing vertices or one vertex twice, or with cells that cannot be relaxed (curved
@@ -105,7 +106,7 @@ def domain_of(mesh: Mesh, straighten: bool = False) -> Domain:
                 "the surface is not planar: dvr relaxes planar and volume meshes, not curved surfaces"
             )
         points = plane.flatten(mesh.points)
-    facets = facets_of(stored)
+    facets = facets_of(stored, compiled)
     as_stored = corners_of(stored, dimension)
     measures = np.add.reduceat(corner_measures(points, as_stored), as_stored.first[:-1])
     mirrored = mirrored_cells(measures, facets)

@@ -40,12 +40,22 @@ class Rings:
         return Rings(self.vertices[order], start, self.others[entries], self.shapes[entries])
 
 
-def rings_of(corners: Corners, relaxed: np.ndarray, n_points: int) -> Rings:
-    """The rings of the vertices ``relaxed`` ((m,) distinct point indices), in that order."""
+def rings_of(corners: Corners, relaxed: np.ndarray, n_points: int, compiled: bool = False) -> Rings:
+    """The rings of the vertices ``relaxed`` ((m,) distinct point indices), in that order.
+
+    compiled: use compiled code; the result is the same.
+    """
     d = corners.dimension
     number = np.full(n_points, -1, dtype=np.int32)
     number[relaxed] = np.arange(len(relaxed))
-    position, start = group(number[corners.vertices.ravel()], len(relaxed))
+    keys = number[corners.vertices.ravel()]
+    if compiled:
+        from dvr_cli.mesh import compiled as fast
+
+        position, start = fast.group(keys, len(relaxed))
+        entries = fast.ring_entries(position, corners.vertices, corners.shapes, ORIGIN_FIRST[d])
+        return Rings(relaxed.astype(np.int32), start, *entries)
+    position, start = group(keys, len(relaxed))
     corner, local = np.divmod(position, d + 1)
     others = corners.vertices[corner[:, None], ORIGIN_FIRST[d][local][:, 1:]]
     return Rings(relaxed.astype(np.int32), start, others, corners.shapes[corner, local])

@@ -9,8 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from dvr_cli.mesh.corners import SHAPES
-from dvr_cli.mesh.simplex import dot, opposite_normal, subtract
+from dvr_cli.mesh.simplex import chunks, dot, edges_and_determinant, opposite_normal, subtract
 from dvr_cli.quality.mean_ratio import weighted_norm
+from dvr_cli.relax.engine import Engine
 from dvr_cli.relax.line import badness, coefficients, improves, maximise_minimum
 from dvr_cli.relax.problem import Problem
 
@@ -21,42 +22,46 @@ _CHUNK_CORNERS = 32768  # corners worked on at a time: small enough for the cach
 class _Chunk:
     """Independent vertices with rings of similar size, short rings padded with their last corner.
 
-    rings: their slice of the problem's rings.
+    rings: (n,) their numbers among the problem's rings.
     vertices: (n,); ends: (d, K, n) other vertices of each corner; shapes: (K, n) or (1, 1) if all are equal.
     """
 
-    rings: slice
+    rings: np.ndarray
     vertices: np.ndarray
     ends: np.ndarray
     shapes: np.ndarray
 
 
-class NumpyEngine:
-    """Relaxes the vertices of a problem batch by batch; coordinates are kept by component."""
+class NumpyEngine(Engine):
+    """Keeps coordinates by component, and each batch cut into chunks once and for all."""
 
     name = "numpy"
 
-    def __init__(self, problem: Problem, points: np.ndarray) -> None:
-        """points: (N, d) coordinates to start from; they are copied."""
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(problem)
         self._dimension = problem.dimension
-        self._coordinates = np.array(points.T, dtype=np.float64, order="C")
+        self._coordinates = np.empty((problem.dimension, 0))
         self._batches = [list(_chunks(problem, lo, hi)) for lo, hi in pairwise(problem.batch_start.tolist())]
 
-    @property
-    def points(self) -> np.ndarray:
-        """(N, d) copy of the coordinates reached."""
-        return np.ascontiguousarray(self._coordinates.T)
+    def _set(self, points: np.ndarray) -> None:
+        self._coordinates = np.ascontiguousarray(points.T)
 
-    @property
-    def batches(self) -> int:
-        """Number of batches a sweep has."""
-        return len(self._batches)
+    def _get(self) -> np.ndarray:
+        return self._coordinates.T
+
+    def _worst_corner(self) -> tuple[int, float]:
+        touched = self.problem.touched
+        norm = SHAPES[self._dimension].norm
+        worst, largest = 0, -1.0
+        for chunk in chunks(len(touched.vertices)):
+            edges, v = edges_and_determinant(self._get(), touched.vertices[chunk])
+            with np.errstate(all="ignore"):  # a degenerate corner is not positive, whatever s/v says
+                here = badness(v, weighted_norm(edges, norm[touched.shapes[chunk, 0]].T), self._dimension)
+            if here.max() > largest:
+                worst, largest = chunk.start + int(here.argmax()), float(here.max())
+        return worst, largest
 
     def relax_batch(self, batch: int, directions: np.ndarray) -> int:
-        """Move each vertex of a batch to the best point of its line; returns how many moved.
-
-        directions: (m, d), row i for ring i of the problem; a zero row leaves its vertex where it is.
-        """
         return sum(self._relax_chunk(chunk, directions) for chunk in self._batches[batch])
 
     def _relax_chunk(self, chunk: _Chunk, directions: np.ndarray) -> int:
@@ -88,15 +93,16 @@ class NumpyEngine:
 
 
 def _chunks(problem: Problem, lo: int, hi: int) -> Iterator[_Chunk]:
-    """Cut the rings lo..hi of one batch, which are sorted by size, into chunks."""
+    """Cut the rings lo..hi of one batch, sorted by size, into chunks."""
     rings = problem.rings
-    sizes = rings.sizes
-    while lo < hi:
+    batch = lo + np.argsort(rings.sizes[lo:hi], kind="stable")
+    sizes = rings.sizes[batch]
+    while len(batch):
         # as many rings as keep K·n within bounds, K being the size of the last and largest
-        area = sizes[lo:hi] * np.arange(1, hi - lo + 1)
+        area = sizes * np.arange(1, len(sizes) + 1)
         n = max(1, int(np.searchsorted(area, _CHUNK_CORNERS, side="right")))
-        part = slice(lo, lo + n)
-        entry = rings.start[part] + np.minimum(np.arange(sizes[lo + n - 1])[:, None], sizes[part] - 1)
+        part = batch[:n]
+        entry = rings.start[part] + np.minimum(np.arange(sizes[n - 1])[:, None], sizes[:n] - 1)
         shapes = rings.shapes[entry]
         yield _Chunk(
             rings=part,
@@ -104,4 +110,4 @@ def _chunks(problem: Problem, lo: int, hi: int) -> Iterator[_Chunk]:
             ends=np.ascontiguousarray(rings.others[entry].transpose(2, 0, 1), dtype=np.intp),
             shapes=shapes if shapes.min() != shapes.max() else shapes[:1, :1],
         )
-        lo += n
+        batch, sizes = batch[n:], sizes[n:]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.mesh.csr import row_entries
+from dvr_cli.mesh.csr import group, row_entries
 from dvr_cli.mesh.rings import Rings
 
 ORDERS = ("coloured", "natural", "shuffled")
@@ -16,46 +16,52 @@ ORDERS = ("coloured", "natural", "shuffled")
 _COLOURS_AT_ONCE = 62  # colours looked at together, as the bits of a positive int64
 
 
-def batches(rings: Rings, n_points: int, order: str, seed: int) -> list[np.ndarray]:
+def batches(rings: Rings, n_points: int, order: str, seed: int, compiled: bool = False) -> list[np.ndarray]:
     """The batches of one sweep: arrays of positions in ``rings``, together each position once.
 
     order: "natural" reproduces the one-by-one sequence of the paper's Algorithm 1 in the order of ``rings``;
     "shuffled" the same for a random order drawn from ``seed`` (paper section 5.1, Fig. 11); "coloured" takes
-    greedy colours instead, which are far fewer and larger. Within a batch rings are sorted by size.
+    greedy colours instead, which are far fewer and larger. Positions ascend within a batch.
+    compiled: use compiled code; the result is the same.
     """
     m = len(rings.vertices)
     number = np.full(n_points, -1, dtype=np.int32)
     number[rings.vertices] = np.arange(m)
     neighbours = number[rings.others]  # with repetitions, which do no harm below
     if order == "natural":
-        rank = np.arange(m)
+        sequence = np.arange(m)
     elif order == "shuffled":
-        rank = np.random.Generator(np.random.Philox(key=np.array([seed, 0], dtype=np.uint64))).permutation(m)
+        generator = np.random.Generator(np.random.Philox(key=np.array([seed, 0], dtype=np.uint64)))
+        sequence = generator.permutation(m)
     else:
-        rank = _scattered(m)
-    levels = _levels(rings.start, neighbours, rank)
-    sets = _colours(rings.start, neighbours, levels) if order == "coloured" else levels
-    sizes = rings.sizes
-    return [members[np.lexsort((members, sizes[members]))] for members in sets]
+        sequence = _scattered(m)
+    if compiled:
+        from dvr_cli.relax import compiled as fast
+
+        label = (fast.colours if order == "coloured" else fast.levels)(rings.start, neighbours, sequence)
+        positions, start = group(label, int(label.max(initial=-1)) + 1)
+        return np.split(positions, start[1:-1]) if m else []
+    levels = _levels(rings.start, neighbours, sequence)
+    return _colours(rings.start, neighbours, levels) if order == "coloured" else levels
 
 
 def _scattered(m: int) -> np.ndarray:
-    """A fixed ranking of 0..m-1 without pattern (splitmix64), so that dependency chains stay short."""
+    """0..m-1 in a fixed order without pattern (splitmix64), so that dependency chains stay short."""
     x = np.arange(m, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
     x = (x ^ x >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
     x = (x ^ x >> np.uint64(27)) * np.uint64(0x94D049BB133111EB)
     x ^= x >> np.uint64(31)
-    rank = np.empty(m, dtype=np.int64)
-    rank[np.argsort(x, kind="stable")] = np.arange(m)
-    return rank
+    return np.argsort(x, kind="stable")
 
 
-def _levels(start: np.ndarray, neighbours: np.ndarray, rank: np.ndarray) -> list[np.ndarray]:
-    """Level sets of the dependency graph: a vertex comes after all its neighbours of lower rank.
+def _levels(start: np.ndarray, neighbours: np.ndarray, sequence: np.ndarray) -> list[np.ndarray]:
+    """Level sets of the dependency graph: a vertex comes after all its neighbours earlier in ``sequence``.
 
     start, neighbours: rows of (R, d) neighbour numbers, -1 for vertices that are not relaxed.
     """
-    m = len(rank)
+    m = len(sequence)
+    rank = np.empty(m, dtype=np.int64)
+    rank[sequence] = np.arange(m)
     own = np.repeat(np.arange(m), np.diff(start))
     padded_rank = np.append(rank, m)  # the number -1 looks up the last entry: later than all
     before = padded_rank[neighbours] < rank[own][:, None]

@@ -8,11 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dvr_cli.mesh.corners import Corners
-from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.directions import DirectionField
-from dvr_cli.relax.numpy_engine import NumpyEngine
-from dvr_cli.relax.problem import Problem
+from dvr_cli.relax.engine import Engine
 from dvr_cli.relax.stopping import Stopping
 
 
@@ -36,31 +33,28 @@ class Relaxation:
 
 
 def relax(
-    problem: Problem,
-    touched: Corners,
+    engine: Engine,
     points: np.ndarray,
     field: DirectionField,
     stopping: Stopping,
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Relaxation:
-    """Relax the vertices of ``problem`` from the coordinates ``points`` (N, d).
+    """Relax the vertices of the engine's problem from the coordinates ``points`` (N, d).
 
-    touched: the corners with a relaxed vertex, over which Q1 is taken.
     on_sweep: called after each sweep. interrupted: asked after each batch; when true the mesh reached is the
     result. Every intermediate mesh is valid and no worse (Theorem 4.10).
     """
-    vertices = problem.rings.vertices
+    vertices = engine.problem.relaxed
     if not len(vertices):
         return Relaxation(points, [], "nothing-to-relax")
     begin = time.perf_counter()
-    engine = NumpyEngine(problem, points)
-    history = [float(corner_qualities(points, touched).min())]
+    engine.load(points)
+    history = [engine.q1()]
     sweeps: list[Sweep] = []
     while (reason := stopping.reason(history, time.perf_counter() - begin)) is None:
         start = time.perf_counter()
-        reached = engine.points
-        directions = field(len(sweeps), reached[vertices], vertices)
+        directions = field(len(sweeps), engine.relaxed_points, vertices)
         moved = 0
         for batch in range(engine.batches):
             moved += engine.relax_batch(batch, directions)
@@ -68,7 +62,7 @@ def relax(
                 return Relaxation(engine.points, sweeps, "interrupted")
             if stopping.time_limit is not None and time.perf_counter() - begin >= stopping.time_limit:
                 return Relaxation(engine.points, sweeps, "time-limit")
-        history.append(float(corner_qualities(engine.points, touched).min()))
+        history.append(engine.q1())
         sweeps.append(Sweep(len(sweeps) + 1, history[-1], moved, time.perf_counter() - start))
         if on_sweep is not None:
             on_sweep(sweeps[-1])

@@ -1,5 +1,7 @@
 """What must hold of every sweep: the guarantee, the sequence of the paper, and what stays untouched."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,7 +14,7 @@ from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.vector import at_least, ring_minima
 from dvr_cli.relax.directions import direction_field
 from dvr_cli.relax.numpy_engine import NumpyEngine
-from dvr_cli.relax.problem import Problem, build_problem
+from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.schedule import ORDERS
 from meshes import KINDS, delaunay, random_mesh
 
@@ -29,15 +31,15 @@ def batches_of(mesh, sweeps, order="coloured", seed=0, directions=("random",)):
     """The domain, and the coordinates before the first and after each batch of some sweeps."""
     domain = domain_of(mesh)
     assert domain.interior.any()
-    problem = build_problem(domain.corners, np.flatnonzero(domain.interior), len(mesh.points), order, seed)
+    problem = build_problem(domain.corners, np.flatnonzero(domain.interior), domain.points, order, seed)
     field = direction_field(directions, domain, {}, seed)
-    engine = NumpyEngine(problem, domain.points)
+    engine = NumpyEngine(problem)
+    engine.load(domain.points)
 
     def states():
         yield engine.points
-        vertices = problem.rings.vertices
         for sweep in range(sweeps):
-            directions = field(sweep, engine.points[vertices], vertices)
+            directions = field(sweep, engine.relaxed_points, problem.relaxed)
             for batch in range(engine.batches):
                 engine.relax_batch(batch, directions)
                 yield engine.points
@@ -94,14 +96,15 @@ def test_natural_order_is_the_sequence_of_algorithm_1_bit_for_bit(kind):
     domain, states = batches_of(mesh, 2, "natural")
     *_, together = states
     relaxed = np.flatnonzero(domain.interior)
-    problem = build_problem(domain.corners, relaxed, len(mesh.points), "natural")
-    rings = problem.rings.permuted(np.argsort(problem.rings.vertices))
-    assert rings.vertices.tolist() == relaxed.tolist()
-    one_by_one = Problem(rings, np.arange(len(relaxed) + 1), domain.dimension)
-    engine = NumpyEngine(one_by_one, domain.points)
+    problem = build_problem(domain.corners, relaxed, domain.points, "natural")
+    rings = problem.rings.permuted(np.argsort(problem.relaxed))
+    one_by_one = replace(problem, rings=rings, batch_start=np.arange(len(relaxed) + 1))
+    assert one_by_one.relaxed.tolist() == relaxed.tolist()
+    engine = NumpyEngine(one_by_one)
+    engine.load(domain.points)
     field = direction_field(["random"], domain, {}, 0)
     for sweep in range(2):
-        directions = field(sweep, engine.points[relaxed], relaxed)
+        directions = field(sweep, engine.relaxed_points, relaxed)
         for vertex in range(len(relaxed)):
             engine.relax_batch(vertex, directions)
     assert engine.points.tobytes() == together.tobytes()

@@ -103,17 +103,26 @@ def test_vertices_of_a_batch_share_no_corner(name, order):
 
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_rings_of_a_batch_are_sorted_by_size(name, order):
+def test_positions_ascend_within_a_batch(name, order):
     rings, n_points = PROBLEMS[name]
     for part in batches(rings, n_points, order, 0):
-        assert (np.diff(rings.sizes[part]) >= 0).all()
+        assert (np.diff(part) > 0).all()
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_the_compiled_schedule_is_the_same(name, order):
+    pytest.importorskip("numba")
+    rings, n_points = PROBLEMS[name]
+    plain, compiled = (batches(rings, n_points, order, 5, compiled) for compiled in (False, True))
+    assert [part.tolist() for part in compiled] == [part.tolist() for part in plain]
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_colours_are_those_of_a_sequential_greedy_colouring(name):
     rings, n_points = PROBLEMS[name]
     m = len(rings.vertices)
-    expected = greedy(neighbours(rings), np.argsort(_scattered(m)).tolist())
+    expected = greedy(neighbours(rings), _scattered(m).tolist())
     assert batch_of(batches(rings, n_points, "coloured", 0), m) == expected
 
 
@@ -195,7 +204,7 @@ def test_colours_are_few(dimension, n, few):
 @pytest.mark.parametrize("order", ORDERS)
 def test_nothing_to_relax_needs_no_batch(order):
     mesh = delaunay(10, 2, 0)
-    problem = build_problem(domain_of(mesh).corners, np.empty(0, dtype=np.int64), len(mesh.points), order)
+    problem = build_problem(domain_of(mesh).corners, np.empty(0, dtype=np.int64), mesh.points, order)
     assert problem.batch_start.tolist() == [0]
     assert len(problem.rings.vertices) == 0
 
@@ -207,14 +216,13 @@ def test_problem_stores_the_rings_in_the_order_of_the_batches(kind, order):
     domain = domain_of(mesh)
     relaxed = np.flatnonzero(domain.interior)
     rings = rings_of(domain.corners, relaxed, len(mesh.points))
-    problem = build_problem(domain.corners, relaxed, len(mesh.points), order, 3)
-    parts = [relaxed[part].tolist() for part in batches(rings, len(mesh.points), order, 3)]
-    assert [problem.rings.vertices[lo:hi].tolist() for lo, hi in pairwise(problem.batch_start)] == parts
+    problem = build_problem(domain.corners, relaxed, domain.points, order, 3)
+    parts = [sorted(relaxed[part].tolist()) for part in batches(rings, len(mesh.points), order, 3)]
+    assert [sorted(problem.relaxed[lo:hi].tolist()) for lo, hi in pairwise(problem.batch_start)] == parts
     assert problem.dimension == domain.dimension
-    for vertex, lo, hi in zip(
-        problem.rings.vertices, problem.rings.start[:-1], problem.rings.start[1:], strict=True
-    ):
+    assert sorted(problem.order.tolist()) == list(range(len(mesh.points)))
+    for vertex, (lo, hi) in zip(problem.relaxed, pairwise(problem.rings.start), strict=True):
         i = int(np.flatnonzero(relaxed == vertex)[0])
         np.testing.assert_array_equal(
-            problem.rings.others[lo:hi], rings.others[rings.start[i] : rings.start[i + 1]]
+            problem.order[problem.rings.others[lo:hi]], rings.others[rings.start[i] : rings.start[i + 1]]
         )
