@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -20,6 +21,11 @@ from dvr_cli.files.source import Source
 from dvr_cli.mesh.convert import from_meshio, to_meshio
 from dvr_cli.mesh.mesh import Mesh
 
+# The sections of a MEDIT file that end up in the mesh, and the words around them.
+_MEDIT_READ = frozenset(
+    b"MeshVersionFormatted Dimension Vertices Edges Triangles Quadrilaterals Tetrahedra Hexahedra Hexaedra "
+    b"Prisms Pyramids End".split()
+)
 # How to have meshio write a format, where that is not its default.
 _WRITE_AS: dict[str, tuple[str, dict[str, Any]]] = {
     "gmsh": ("gmsh22", {"binary": True}),  # its 4.1 needs tags that other formats do not have
@@ -31,19 +37,23 @@ _WRITE_AS: dict[str, tuple[str, dict[str, Any]]] = {
 class MeshioSource(Source):
     """A file read by meshio, and any mesh to be written by it."""
 
-    def __init__(self, mesh: Mesh, format_name: str) -> None:
-        """mesh: what to write; format_name: one of formats.FORMATS."""
+    def __init__(self, mesh: Mesh, format_name: str, unread: Sequence[str] = ()) -> None:
+        """mesh: what to write; format_name: one of formats.FORMATS; unread: what its file has beyond it."""
         super().__init__()
         self.mesh = mesh
         self.format = format_name
+        self.unread = list(unread)
+        self.file_name = "mesh"  # of the output: meshio tells binary from text by it in some formats
 
     def write(self, points: np.ndarray, file: BinaryIO) -> None:
         """Write the mesh with other coordinates; raises OutputError where the format cannot hold it."""
         file.write(self._written(points)[0])
 
     def stored(self, points: np.ndarray) -> np.ndarray:
-        """The coordinates that meshio reads back from what it writes."""
-        return self._written(points)[1].points[: len(points), : points.shape[1]]
+        """The coordinates that meshio reads back from what it writes; finds out, too, what is lost."""
+        back = self._written(points)[1]
+        self.notes = [*self.unread, *_lost(self.mesh, back, points)]
+        return back.points[: len(points), : points.shape[1]]
 
     def _written(self, points: np.ndarray) -> tuple[bytes, Mesh]:
         """The bytes meshio writes, and the mesh it reads back from them."""
@@ -51,7 +61,7 @@ class MeshioSource(Source):
 
         name, options = _WRITE_AS.get(self.format, (self.format, {}))
         with tempfile.TemporaryDirectory(prefix="dvr-") as folder:
-            path = Path(folder) / "mesh"
+            path = Path(folder) / self.file_name
             with _guarded(OutputError, f"meshio cannot write this mesh as {self.format}"):
                 meshio.write(path, to_meshio(self.mesh, points), file_format=name, **options)
             try:
@@ -62,7 +72,6 @@ class MeshioSource(Source):
                 ) from error
             if _count(back) != _count(self.mesh):
                 raise OutputError(f"{self.format} cannot hold this mesh: vertices or cells would be lost")
-            self.notes = _lost(self.mesh, back, points)
             return path.read_bytes(), back
 
 
@@ -70,12 +79,25 @@ def read(path: Path, format_name: str) -> MeshioSource:
     """Read a file through meshio; raises InputError (without the file's name) if it cannot."""
     import meshio
 
-    with _guarded(InputError, f"not readable as {format_name}"):
-        return MeshioSource(from_meshio(meshio.read(path, file_format=format_name)), format_name)
+    with _guarded(InputError, f"not readable as {format_name}") as printed:
+        mesh = from_meshio(meshio.read(path, file_format=format_name))
+    return MeshioSource(mesh, format_name, _unread(path, format_name, printed.getvalue()))
+
+
+def _unread(path: Path, format_name: str, printed: str) -> list[str]:
+    """What meshio left out when it read a file: it prints so, but drops parts of MEDIT files in silence."""
+    data = path.read_bytes() if format_name == "medit" else b""
+    if data.isascii():
+        keywords = dict.fromkeys(re.findall(rb"^[ \t]*([A-Z]\w+)", data, re.MULTILINE))
+        names = [name.decode() for name in keywords if name not in _MEDIT_READ]
+        if names:
+            return [f"sections not read, and so not kept: {', '.join(names)}"]
+    warnings = " ".join(printed.split()).split("Warning: ")
+    return [f"meshio on reading: {warning.strip()}" for warning in warnings if warning.strip()]
 
 
 @contextlib.contextmanager
-def _guarded(error: type[DvrError], what: str) -> Iterator[None]:
+def _guarded(error: type[DvrError], what: str) -> Iterator[io.StringIO]:
     """Turn everything meshio does on trouble into one ``error``, and keep what it prints to ourselves."""
     printed = io.StringIO()
     try:
@@ -84,7 +106,7 @@ def _guarded(error: type[DvrError], what: str) -> Iterator[None]:
             contextlib.redirect_stderr(printed),
             np.errstate(all="ignore"),
         ):
-            yield
+            yield printed
     except (Exception, SystemExit) as cause:
         said = str(cause) if not isinstance(cause, SystemExit) else ""
         lines = [line.strip() for line in (said or printed.getvalue()).splitlines() if line.strip()]
@@ -100,15 +122,47 @@ def _lost(mesh: Mesh, back: Mesh, points: np.ndarray) -> list[str]:
     if not np.array_equal(back.points[:, : points.shape[1]], points):
         difference = np.abs(back.points[:, : points.shape[1]] - points).max()
         lost.append(f"coordinates are rounded, by up to {difference:.2g}")
-    if _cells(mesh) != _cells(back):
+    in_order = _cells(mesh) == _cells(back)
+    if not in_order:
         lost.append("the order of the cells is not kept")
-    for kind in ("point_data", "cell_data", "field_data"):
-        names = getattr(mesh, kind).keys() - getattr(back, kind).keys()
-        if names:
-            lost.append(f"{kind.replace('_', ' ')} not kept: {', '.join(sorted(names))}")
+    lost += _lost_data("point data", mesh.point_data, back.point_data)
+    if in_order:
+        old, new = _joined(mesh.cell_data), _joined(back.cell_data)
+        lost += _lost_data("cell data", old, new)
+    else:
+        missing = mesh.cell_data.keys() - back.cell_data.keys()
+        lost += [f"cell data not kept: {', '.join(sorted(missing))}"] if missing else []
+    missing = mesh.field_data.keys() - back.field_data.keys()
+    lost += [f"names of groups not kept: {', '.join(sorted(missing))}"] if missing else []
     if len(mesh.periodic) > len(back.periodic):
         lost.append("periodic links are not kept")
     return lost
+
+
+def _lost_data(kind: str, old: dict[str, np.ndarray], new: dict[str, np.ndarray]) -> list[str]:
+    """What of the arrays ``old`` is gone, goes by another name or has other values in ``new``."""
+    lost = []
+    missing = old.keys() - new.keys()
+    for name in sorted(missing):
+        for other in sorted(new.keys() - old.keys()):
+            if name in missing and np.array_equal(old[name], new[other]):
+                lost.append(f"{kind} {name} is kept as {other}")
+                missing.discard(name)
+    if missing:
+        lost.append(f"{kind} not kept: {', '.join(sorted(missing))}")
+    changed = [name for name in sorted(old.keys() & new.keys()) if not _equal(old[name], new[name])]
+    if changed:
+        lost.append(f"{kind} with other values or shapes: {', '.join(changed)}")
+    return lost
+
+
+def _equal(old: np.ndarray, new: np.ndarray) -> bool:
+    return old.shape == new.shape and bool(((old == new) | ((old != old) & (new != new))).all())
+
+
+def _joined(cell_data: dict[str, list[np.ndarray]]) -> dict[str, np.ndarray]:
+    """Cell data with one array a name, as blocks may have been joined."""
+    return {name: np.concatenate(blocks) for name, blocks in cell_data.items() if blocks}
 
 
 def _count(mesh: Mesh) -> tuple[int, dict[str, int]]:

@@ -24,6 +24,7 @@ _UNSUPPORTED = {
     b"fo": "face outlines (superseded form of f)",
 }
 _GROUPING = (b"g", b"o", b"usemtl")
+_BEYOND = {"vt": "texture coordinates", "vn": "normals", "g": "names of groups"}
 _CONTINUED = re.compile(rb"\\\r?\n")
 _INDENT = re.compile(rb"[ \t\v\f]*")
 _KEYWORD = re.compile(rb"[A-Za-z][A-Za-z0-9_]*")
@@ -60,6 +61,8 @@ def read(data: bytes) -> ObjSource:
     part of the format are passed over, as every reader of OBJ does.
     """
     lines = _Lines(data)
+    beyond = [what for keyword, what in _BEYOND.items() if lines.begin_with(keyword).any()]
+    beyond += ["materials"] if b"usemtl" in data else []
     is_v = lines.begin_with("v")
     points, starts, ends = _read_vertices(lines, is_v)
     statements = [
@@ -72,7 +75,9 @@ def read(data: bytes) -> ObjSource:
     blocks, numbers = blocks_of(cells, types, len(points), by_size=True)
     group = _read_groups(lines)[np.concatenate([line for _, line in statements])]
     mesh = Mesh(points, blocks, cell_data={"obj:group": [group[number] for number in numbers]})
-    return ObjSource(data, mesh, starts, ends)
+    source = ObjSource(data, mesh, starts, ends)
+    source.unread = [f"{' and '.join(beyond)} are not kept"] if beyond else []
+    return source
 
 
 class _Lines:

@@ -62,9 +62,9 @@ def _read(path: Path, data: bytes, name: str) -> Source:
         return _read_pair(path)
     from dvr_cli.files import meshio_source
 
-    if path != STANDARD:
+    if path != STANDARD and path.is_file():
         return meshio_source.read(path, name)
-    with tempfile.TemporaryDirectory(prefix="dvr-") as folder:  # meshio needs a file it can seek in
+    with tempfile.TemporaryDirectory(prefix="dvr-") as folder:  # meshio reads twice, a pipe can be read once
         spooled = Path(folder) / "mesh"
         spooled.write_bytes(data)
         return meshio_source.read(spooled, name)

@@ -21,17 +21,20 @@ class Source(ABC):
     mesh: what the file holds.
     format: the name of its format as ``--input-format`` and ``--output-format`` take it.
     companions: other files the mesh consists of, bytes by suffix; they are written unchanged.
-    notes: what the last ``write`` or ``stored`` could not keep, one line each.
+    unread: what the file holds beyond the mesh, so that other formats will not have it, one line each.
+    notes: what the output cannot keep, one line each, as of the last ``stored`` or ``write``.
     """
 
     mesh: Mesh
     format: str
     companions: Mapping[str, bytes]
+    unread: list[str]
     notes: list[str]
 
     def __init__(self) -> None:
         """No companions, nothing lost so far."""
         self.companions = {}
+        self.unread = []
         self.notes = []
 
     @abstractmethod

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import stat
 import sys
@@ -19,6 +20,8 @@ from dvr_cli.files.meshio_source import MeshioSource
 from dvr_cli.files.reading import STANDARD
 from dvr_cli.files.source import Source
 
+_DEVICES = (Path("/dev"), Path("/dev/fd"))  # where streams have names, whatever they lead to
+
 
 class Output:
     """Where and how the smoothed mesh is written."""
@@ -33,7 +36,9 @@ class Output:
         if name == "tetgen" != source.format:
             raise OutputError(f"{path}: a TetGen pair can only be written from a TetGen pair")
         self._path = path
-        self._writer = source if name == source.format else MeshioSource(source.mesh, name)
+        self._writer = source if name == source.format else MeshioSource(source.mesh, name, source.unread)
+        if isinstance(self._writer, MeshioSource) and path != STANDARD:
+            self._writer.file_name = path.name
         if self._writer is not source:
             self.stored(source.mesh.points)  # a format that cannot hold the mesh is found out now
 
@@ -61,15 +66,17 @@ class Output:
     def write(self, points: np.ndarray) -> None:
         """Write the mesh with coordinates ``points``; raises OutputError, and then the old file is intact."""
         if self._path == STANDARD:
-            self._writer.write(points, sys.stdout.buffer)
-            sys.stdout.buffer.flush()
+            stream = _whole(sys.stdout.buffer)
+            self._writer.write(points, stream)
+            stream.flush()
             return
         main = self._path.with_suffix(".node") if self._writer.format == "tetgen" else self._path
-        for suffix, data in self._writer.companions.items():
-            with _replacing(self._path.with_suffix(suffix)) as file:
-                file.write(data)
-        with _replacing(main) as file:
-            self._writer.write(points, file)
+        with contextlib.ExitStack() as files:  # none takes its place unless all could be written
+            for suffix, data in self._writer.companions.items():
+                companion = files.enter_context(_replacing(self._path.with_suffix(suffix)))
+                companion.write(data)
+                companion.flush()
+            self._writer.write(points, files.enter_context(_replacing(main)))
 
 
 def output_format_of(path: Path, given: str | None) -> str | None:
@@ -88,7 +95,13 @@ def output_format_of(path: Path, given: str | None) -> str | None:
 
 def is_stream(path: Path) -> bool:
     """Whether ``path`` is stdout, a pipe or a device rather than a file."""
-    return path == STANDARD or (path.exists() and not path.is_file() and not path.is_dir())
+    if path == STANDARD or path.parent in _DEVICES:
+        return True
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return False
+    return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
 
 
 def check_writable(path: Path) -> None:
@@ -97,12 +110,18 @@ def check_writable(path: Path) -> None:
         if sys.stdout is None or sys.stdout.isatty():
             raise OutputError("standard output is a terminal; a mesh has to be piped or go to a file")
         return
-    target = path.resolve()
+    with _naming(path), contextlib.suppress(FileNotFoundError, NotADirectoryError):
+        path.stat()  # fails for a name too long, links in a circle
+    if is_stream(path):
+        if not os.access(path, os.W_OK):
+            raise OutputError(f"{path}: no permission to write to it")
+        return
+    target = Path(os.path.realpath(path))
     if target.is_dir():
         raise OutputError(f"{path}: is a directory")
     if not target.parent.is_dir():
         raise OutputError(f"{path}: there is no directory {target.parent}")
-    if not os.access(target if is_stream(target) else target.parent, os.W_OK):
+    if not os.access(target.parent, os.W_OK):
         raise OutputError(f"{path}: no permission to write in {target.parent}")
 
 
@@ -115,13 +134,13 @@ def write_text(path: Path, text: str) -> None:
 @contextlib.contextmanager
 def _replacing(path: Path) -> Iterator[BinaryIO]:
     """A file that takes the place of ``path`` only once it is complete; links and permissions are kept."""
-    target = path.resolve()
-    try:
-        if is_stream(target):
-            with target.open("wb") as file:
+    with _naming(path):
+        if is_stream(path):
+            with path.open("wb") as file:
                 yield file
             return
-        descriptor, name = tempfile.mkstemp(prefix=f".{target.name[:100]}.", dir=target.parent)
+        target = Path(os.path.realpath(path))
+        descriptor, name = tempfile.mkstemp(prefix=f".{target.name[:40]}.", dir=target.parent)
         temporary = Path(name)
         try:
             with os.fdopen(descriptor, "wb") as file:
@@ -133,10 +152,22 @@ def _replacing(path: Path) -> Iterator[BinaryIO]:
         except BaseException:
             temporary.unlink(missing_ok=True)
             raise
+
+
+@contextlib.contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Name the file in what the system reports, as OutputError; but for a reader that has gone."""
+    try:
+        yield
     except BrokenPipeError:
         raise
     except OSError as error:
         raise OutputError(f"{path}: {(error.strerror or str(error)).lower()}") from error
+
+
+def _whole(stream: BinaryIO) -> BinaryIO:
+    """A stream that writes all it is given; unbuffered stdout (PYTHONUNBUFFERED) may stop half way."""
+    return io.BufferedWriter(stream) if isinstance(stream, io.RawIOBase) else stream
 
 
 def _mode_for(target: Path) -> int:

@@ -42,36 +42,42 @@ def ring_entries(
 
 
 @compiled
-def sorted_rows(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """As ``facets._sorted_rows``: an order that puts equal rows together, and where each new row begins.
+def facet_order(vertices: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """As ``facets._facet_order``: an order that puts facets with the same vertices together, and where each
+    group begins. n: number of points.
 
-    rows: (m, w) ascending in each row, entries from -1 to n - 1, the last not -1.
+    Facets are grouped by their largest vertex; the few of one group are sorted by the others.
     """
-    m, w = rows.shape
-    last = np.empty(m, dtype=np.int32)
+    m, width = vertices.shape
+    largest = np.empty(m, dtype=np.int32)
+    smallest_two = np.empty(m, dtype=np.int64)
+    third = np.zeros(m, dtype=np.int32)
+    row = np.empty(width, dtype=np.int64)
     for i in range(m):
-        last[i] = rows[i, w - 1]
-    order, start = group(last, n)
-    for g in range(n):  # the few rows with one last entry are sorted by insertion
-        for i in range(start[g] + 1, start[g + 1]):
-            row = order[i]
-            j = i
-            while j > start[g] and _less(rows, row, order[j - 1]):
-                order[j] = order[j - 1]
+        for k in range(width):  # insertion sort of the row
+            j = k
+            while j > 0 and row[j - 1] > vertices[i, k]:
+                row[j] = row[j - 1]
                 j -= 1
-            order[j] = row
+            row[j] = vertices[i, k]
+        largest[i] = row[width - 1]
+        smallest_two[i] = (row[0] + 1) * (n + 1) + row[1]
+        if width == 4:
+            third[i] = row[2]
+    order, start = group(largest, n)
     new = np.ones(m, dtype=np.bool_)
-    for i in range(1, m):
-        new[i] = False
-        for k in range(w):
-            if rows[order[i], k] != rows[order[i - 1], k]:
-                new[i] = True
+    for g in range(n):
+        for i in range(start[g] + 1, start[g + 1]):
+            facet, key, last = order[i], smallest_two[order[i]], third[order[i]]
+            j = i
+            while j > start[g]:
+                before = order[j - 1]
+                if smallest_two[before] < key or (smallest_two[before] == key and third[before] <= last):
+                    break
+                order[j] = before
+                j -= 1
+            order[j] = facet
+        for i in range(start[g] + 1, start[g + 1]):
+            one, other = order[i - 1], order[i]
+            new[i] = smallest_two[one] != smallest_two[other] or third[one] != third[other]
     return order, new
-
-
-@compiled
-def _less(rows: np.ndarray, a: int, b: int) -> bool:
-    for k in range(rows.shape[1]):
-        if rows[a, k] != rows[b, k]:
-            return rows[a, k] < rows[b, k]
-    return False

@@ -59,19 +59,19 @@ def facets_of(blocks: list[Cells], compiled: bool = False) -> Facets:
             cells.append(number)
     all_vertices = np.concatenate(vertices) if vertices else np.empty((0, width), dtype=np.int32)
     cell = np.concatenate(cells) if cells else np.empty(0, dtype=np.int64)
-    ascending = np.sort(all_vertices, axis=1)
     if compiled:
         from dvr_cli.mesh import compiled as fast
 
-        order, new = fast.sorted_rows(ascending, int(ascending.max(initial=-1)) + 1)
+        order, new = fast.facet_order(all_vertices, int(all_vertices.max(initial=-1)) + 1)
     else:
-        order, new = _sorted_rows(ascending)
+        order, new = _facet_order(all_vertices)
     start = np.append(np.flatnonzero(new), len(cell))
     return Facets(all_vertices[order], cell[order].astype(np.int32), start)
 
 
-def _sorted_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """An order that puts equal rows together, and for each place in it whether a new row begins there."""
+def _facet_order(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """An order that puts facets with the same vertices together, and where in it a new one begins."""
+    rows = np.sort(vertices, axis=1)
     n = int(rows.max(initial=0)) + 2  # entries run from -1
     keys = []
     room = 0

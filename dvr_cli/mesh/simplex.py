@@ -30,6 +30,11 @@ def subtract(a: Components, b: Components) -> list[np.ndarray]:
     return [ai - bi for ai, bi in zip(a, b, strict=True)]
 
 
+def cross(a: Components, b: Components) -> list[np.ndarray]:
+    """Vector product of two vectors in space, component by component."""
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
 def opposite_normal(ends: Sequence[Components]) -> list[np.ndarray]:
     """The normal n of the facet spanned by the d ends of a corner's edges, with det E = e_0 · n.
 
@@ -38,8 +43,7 @@ def opposite_normal(ends: Sequence[Components]) -> list[np.ndarray]:
     a = subtract(ends[1], ends[0])
     if len(ends) == 2:
         return [a[1], -a[0]]
-    b = subtract(ends[2], ends[0])
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    return cross(a, subtract(ends[2], ends[0]))
 
 
 def corner_measures(points: np.ndarray, corners: Corners) -> np.ndarray:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from dvr_cli.mesh.facets import FACETS
 from dvr_cli.mesh.mesh import Cells
+from dvr_cli.mesh.simplex import Components, chunks, cross, dot, subtract
+
+_NEAR = 1e-9  # cosines this near to the extreme one are looked at exactly
 
 
 def extreme_angles(points: np.ndarray, blocks: list[Cells]) -> tuple[float, float]:
@@ -15,17 +20,24 @@ def extreme_angles(points: np.ndarray, blocks: list[Cells]) -> tuple[float, floa
     between the faces of each cell; a face with four vertices counts with its mean normal. An angle next to
     an edge or a face without extent is left out; (nan, nan) when nothing is left.
     """
-    parts = [
-        _interior_angles(points, b) if points.shape[1] == 2 else _dihedral_angles(points, b) for b in blocks
-    ]
-    angles = np.concatenate([np.empty(0), *parts])
-    angles = angles[np.isfinite(angles)]
-    return (float(angles.min()), float(angles.max())) if len(angles) else (np.nan, np.nan)
+    low, high = np.inf, -np.inf
+    for block in blocks:
+        for chunk in chunks(len(block.vertices)):
+            vertices = block.vertices[chunk]
+            if points.shape[1] == 2:
+                angles = _interior_angles(points, vertices)
+            else:
+                angles = np.concatenate(
+                    [np.empty(0), *_extreme_dihedral_angles(points, vertices, block.type)]
+                )
+            angles = angles[np.isfinite(angles)]
+            low, high = angles.min(initial=low), angles.max(initial=high)
+    return (float(low), float(high)) if high >= low else (np.nan, np.nan)
 
 
-def _interior_angles(points: np.ndarray, block: Cells) -> np.ndarray:
+def _interior_angles(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """(n·k,) angle at each vertex, turning from the next to the previous edge, in [0, 360) degrees."""
-    here = points[block.vertices]
+    here = points[vertices]
     onward = np.roll(here, -1, axis=1) - here
     back = np.roll(here, 1, axis=1) - here
     cross = onward[..., 0] * back[..., 1] - onward[..., 1] * back[..., 0]
@@ -34,26 +46,31 @@ def _interior_angles(points: np.ndarray, block: Cells) -> np.ndarray:
     return np.where(onward.any(axis=-1) & back.any(axis=-1), angle, np.nan).ravel()
 
 
-def _dihedral_angles(points: np.ndarray, block: Cells) -> np.ndarray:
-    """(n·edges,) angle between the two faces at each edge of each cell, in [0, 180] degrees."""
-    faces = FACETS[block.type]
-    normals = []
-    for face in faces:
-        corners = points[block.vertices[:, face]]
-        # half the cross product of the diagonals is a quadrilateral's vector area; for a triangle the same
-        # holds with two of its edges
-        ends = corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1]
-        normals.append(np.cross(*ends))
-    angles = []
-    for i, face in enumerate(faces):
-        for j in range(i + 1, len(faces)):
-            if len(set(face) & set(faces[j])) == 2:
-                angles.append(180.0 - _angle(normals[i], normals[j]))
-    return np.concatenate(angles)
+def _extreme_dihedral_angles(
+    points: np.ndarray, vertices: np.ndarray, cell_type: str
+) -> Iterator[np.ndarray]:
+    """For each edge of the cell type, the smallest and largest angles between its two faces in any cell."""
+    at = [[points[:, i][vertex] for i in range(3)] for vertex in vertices.T]
+    normals = [_normal([at[v] for v in face]) for face in FACETS[cell_type]]
+    lengths = [np.sqrt(dot(normal, normal)) for normal in normals]
+    for i, face in enumerate(FACETS[cell_type]):
+        for j, other in enumerate(FACETS[cell_type][:i]):
+            if len(set(face) & set(other)) != 2:
+                continue
+            size = lengths[i] * lengths[j]
+            cosine = np.divide(
+                dot(normals[i], normals[j]), size, out=np.full(len(size), np.nan), where=size > 0
+            )
+            if np.isnan(cosine).all():
+                continue
+            # the angle falls with the cosine, but near 0 and 180 degrees the sine tells it better
+            low, high = np.nanmin(cosine), np.nanmax(cosine)
+            extreme = np.flatnonzero((cosine <= low + _NEAR) | (cosine >= high - _NEAR))
+            a, b = ([component[extreme] for component in normal] for normal in (normals[i], normals[j]))
+            across = cross(a, b)
+            yield 180.0 - np.degrees(np.arctan2(np.sqrt(dot(across, across)), dot(a, b)))
 
 
-def _angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(n,) angle between vectors in degrees, nan where one is zero."""
-    sine = np.linalg.norm(np.cross(a, b), axis=1)
-    cosine = (a * b).sum(axis=1)
-    return np.where((sine == 0) & (cosine == 0), np.nan, np.degrees(np.arctan2(sine, cosine)))
+def _normal(face: list[Components]) -> list[np.ndarray]:
+    """Twice the vector area of a face: the cross product of its diagonals, or of two of its three edges."""
+    return cross(subtract(face[2], face[0]), subtract(face[-1], face[1]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.jit import compiled
-from dvr_cli.relax.kernel import badness, norm_2d, norm_3d
+from dvr_cli.relax.kernel import badness
 
 
 @compiled
@@ -61,7 +61,10 @@ def _corner_badness_2d(points: np.ndarray, corner: np.ndarray, norm: np.ndarray,
     e0, e1 = p[0] - x[0], p[1] - x[1]
     f0, f1 = q[0] - x[0], q[1] - x[1]
     v = e0 * (q[1] - p[1]) + e1 * -(q[0] - p[0])
-    return badness(v, norm_2d(e0, e1, f0, f1, norm, k), 2)
+    s = norm[k, 0] * (e0 * e0 + e1 * e1)
+    s = s + norm[k, 1] * (f0 * f0 + f1 * f1)
+    s = s + norm[k, 2] * (e0 * f0 + e1 * f1)
+    return badness(v, s, 2)
 
 
 @compiled
@@ -73,4 +76,10 @@ def _corner_badness_3d(points: np.ndarray, corner: np.ndarray, norm: np.ndarray,
     f0, f1, f2 = q[0] - x[0], q[1] - x[1], q[2] - x[2]
     g0, g1, g2 = r[0] - x[0], r[1] - x[1], r[2] - x[2]
     v = e0 * (a1 * b2 - a2 * b1) + e1 * (a2 * b0 - a0 * b2) + e2 * (a0 * b1 - a1 * b0)
-    return badness(v, norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, norm, k), 3)
+    s = norm[k, 0] * (e0 * e0 + e1 * e1 + e2 * e2)
+    s = s + norm[k, 1] * (f0 * f0 + f1 * f1 + f2 * f2)
+    s = s + norm[k, 2] * (g0 * g0 + g1 * g1 + g2 * g2)
+    s = s + norm[k, 3] * (e0 * f0 + e1 * f1 + e2 * f2)
+    s = s + norm[k, 4] * (e0 * g0 + e1 * g1 + e2 * g2)
+    s = s + norm[k, 5] * (f0 * g0 + f1 * g1 + f2 * g2)
+    return badness(v, s, 3)

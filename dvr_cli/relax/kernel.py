@@ -9,12 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.jit import compiled
-from dvr_cli.relax.line import CROSSED, GAIN, MAX_NEWTON, MAX_ROUNDS, ROUNDING
+from dvr_cli.relax.line import GAIN, MAX_NEWTON, MAX_ROUNDS, NEARLY_CROSSED, ROUNDING
 
 # Rows of the scratch array, a column for each corner of a ring: the coordinates of the corner's other
-# vertices (three rows each, also in 2D), the normal of the facet they span, the corner's line, its badness.
+# vertices (three rows each, also in 2D), the normal of the facet they span, the corner's line, its badness;
+# then the row of the shape table that stands in the column, and its numbers. Loops over such rows without
+# branches are what the compiler turns into vector instructions.
 END, NORMAL, V0, V1, S0, S1, S2, BADNESS = 0, 9, 12, 13, 14, 15, 16, 17
-ROWS = 18
+SHAPE, NORM, SLOPE, CURVATURE = 18, 19, 25, 28
+ROWS = 29
 
 
 @compiled
@@ -37,34 +40,49 @@ def relax_rings(
     points: (N, d), changed in place; directions: (m, d); scratch: (ROWS, largest ring). The other arrays are
     those of ``Rings`` and ``ShapeTable``. Returns how many vertices moved.
     """
+    scratch[SHAPE] = -1.0
     d = points.shape[1]
-    target = np.empty(d)
     moved = 0
     for ring in range(first, last):
         vertex, lo = vertices[ring], start[ring]
         n = start[ring + 1] - lo
+        for c in range(n):
+            k = shapes[lo + c]
+            if scratch[SHAPE, c] != k:  # in most meshes all shapes are one and stay in place
+                _set_shape(scratch, c, k, norm, slope, curvature)
         if d == 2:
-            _lines_2d(
-                points, vertex, directions, ring, others, shapes, lo, n, norm, slope, curvature, scratch
-            )
+            _lines_2d(points, vertex, directions, ring, others, lo, n, scratch)
         else:
-            _lines_3d(
-                points, vertex, directions, ring, others, shapes, lo, n, norm, slope, curvature, scratch
-            )
+            _lines_3d(points, vertex, directions, ring, others, lo, n, scratch)
         step, before = _maximise_minimum(scratch, n, d)
         if step == 0.0:
             continue
-        for i in range(d):
-            target[i] = points[vertex, i] + step * directions[ring, i]
+        x0 = points[vertex, 0] + step * directions[ring, 0]
+        x1 = points[vertex, 1] + step * directions[ring, 1]
+        x2 = points[vertex, 2] + step * directions[ring, 2] if d == 3 else 0.0
         if d == 2:
-            after = _largest_badness_2d(target, shapes, lo, n, norm, scratch)
+            after = _largest_badness_2d(x0, x1, n, scratch)
         else:
-            after = _largest_badness_3d(target, shapes, lo, n, norm, scratch)
+            after = _largest_badness_3d(x0, x1, x2, n, scratch)
         if _improves(before, after, d):
-            for i in range(d):
-                points[vertex, i] = target[i]
+            points[vertex, 0], points[vertex, 1] = x0, x1
+            if d == 3:
+                points[vertex, 2] = x2
             moved += 1
     return moved
+
+
+@compiled
+def _set_shape(
+    scratch: np.ndarray, c: int, k: int, norm: np.ndarray, slope: np.ndarray, curvature: np.ndarray
+) -> None:
+    """Put row k of the shape table into column c."""
+    scratch[SHAPE, c] = k
+    for i in range(norm.shape[1]):
+        scratch[NORM + i, c] = norm[k, i]
+    for i in range(slope.shape[1]):
+        scratch[SLOPE + i, c] = slope[k, i]
+    scratch[CURVATURE, c] = curvature[k]
 
 
 @compiled
@@ -74,12 +92,8 @@ def _lines_2d(
     directions: np.ndarray,
     ring: int,
     others: np.ndarray,
-    shapes: np.ndarray,
     lo: int,
     n: int,
-    norm: np.ndarray,
-    slope: np.ndarray,
-    curvature: np.ndarray,
     scratch: np.ndarray,
 ) -> None:
     """Coefficients of the lines of all corners of a ring; see ``line.coefficients``."""
@@ -87,25 +101,26 @@ def _lines_2d(
     d0, d1 = directions[ring, 0], directions[ring, 1]
     dd = d0 * d0 + d1 * d1
     for c in range(n):
-        for j in range(2):
-            end = others[lo + c, j]
-            for i in range(2):
-                scratch[END + 3 * j + i, c] = points[end, i]
+        p, q = others[lo + c, 0], others[lo + c, 1]
+        scratch[END, c], scratch[END + 1, c] = points[p, 0], points[p, 1]
+        scratch[END + 3, c], scratch[END + 4, c] = points[q, 0], points[q, 1]
     for c in range(n):
-        k = shapes[lo + c]
         p0, p1 = scratch[END, c], scratch[END + 1, c]
         q0, q1 = scratch[END + 3, c], scratch[END + 4, c]
         n0, n1 = q1 - p1, -(q0 - p0)
         e0, e1 = p0 - x0, p1 - x1
         f0, f1 = q0 - x0, q1 - x1
-        along = slope[k, 0] * (d0 * e0 + d1 * e1)
-        along = along + slope[k, 1] * (d0 * f0 + d1 * f1)
+        along = scratch[SLOPE, c] * (d0 * e0 + d1 * e1)
+        along = along + scratch[SLOPE + 1, c] * (d0 * f0 + d1 * f1)
+        s = scratch[NORM, c] * (e0 * e0 + e1 * e1)
+        s = s + scratch[NORM + 1, c] * (f0 * f0 + f1 * f1)
+        s = s + scratch[NORM + 2, c] * (e0 * f0 + e1 * f1)
         scratch[NORMAL, c], scratch[NORMAL + 1, c] = n0, n1
         scratch[V0, c] = e0 * n0 + e1 * n1
         scratch[V1, c] = -(d0 * n0 + d1 * n1)
-        scratch[S0, c] = norm_2d(e0, e1, f0, f1, norm, k)
+        scratch[S0, c] = s
         scratch[S1, c] = -along
-        scratch[S2, c] = curvature[k] * dd
+        scratch[S2, c] = scratch[CURVATURE, c] * dd
 
 
 @compiled
@@ -115,12 +130,8 @@ def _lines_3d(
     directions: np.ndarray,
     ring: int,
     others: np.ndarray,
-    shapes: np.ndarray,
     lo: int,
     n: int,
-    norm: np.ndarray,
-    slope: np.ndarray,
-    curvature: np.ndarray,
     scratch: np.ndarray,
 ) -> None:
     """Coefficients of the lines of all corners of a ring; see ``line.coefficients``."""
@@ -128,12 +139,19 @@ def _lines_3d(
     d0, d1, d2 = directions[ring, 0], directions[ring, 1], directions[ring, 2]
     dd = d0 * d0 + d1 * d1 + d2 * d2
     for c in range(n):
-        for j in range(3):
-            end = others[lo + c, j]
-            for i in range(3):
-                scratch[END + 3 * j + i, c] = points[end, i]
+        p, q, r = others[lo + c, 0], others[lo + c, 1], others[lo + c, 2]
+        scratch[END, c], scratch[END + 1, c], scratch[END + 2, c] = points[p, 0], points[p, 1], points[p, 2]
+        scratch[END + 3, c], scratch[END + 4, c], scratch[END + 5, c] = (
+            points[q, 0],
+            points[q, 1],
+            points[q, 2],
+        )
+        scratch[END + 6, c], scratch[END + 7, c], scratch[END + 8, c] = (
+            points[r, 0],
+            points[r, 1],
+            points[r, 2],
+        )
     for c in range(n):
-        k = shapes[lo + c]
         p0, p1, p2 = scratch[END, c], scratch[END + 1, c], scratch[END + 2, c]
         q0, q1, q2 = scratch[END + 3, c], scratch[END + 4, c], scratch[END + 5, c]
         r0, r1, r2 = scratch[END + 6, c], scratch[END + 7, c], scratch[END + 8, c]
@@ -143,58 +161,19 @@ def _lines_3d(
         e0, e1, e2 = p0 - x0, p1 - x1, p2 - x2
         f0, f1, f2 = q0 - x0, q1 - x1, q2 - x2
         g0, g1, g2 = r0 - x0, r1 - x1, r2 - x2
-        along = slope[k, 0] * (d0 * e0 + d1 * e1 + d2 * e2)
-        along = along + slope[k, 1] * (d0 * f0 + d1 * f1 + d2 * f2)
-        along = along + slope[k, 2] * (d0 * g0 + d1 * g1 + d2 * g2)
+        along = scratch[SLOPE, c] * (d0 * e0 + d1 * e1 + d2 * e2)
+        along = along + scratch[SLOPE + 1, c] * (d0 * f0 + d1 * f1 + d2 * f2)
+        along = along + scratch[SLOPE + 2, c] * (d0 * g0 + d1 * g1 + d2 * g2)
         scratch[NORMAL, c], scratch[NORMAL + 1, c], scratch[NORMAL + 2, c] = n0, n1, n2
         scratch[V0, c] = e0 * n0 + e1 * n1 + e2 * n2
         scratch[V1, c] = -(d0 * n0 + d1 * n1 + d2 * n2)
-        scratch[S0, c] = norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, norm, k)
+        scratch[S0, c] = _norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, scratch, c)
         scratch[S1, c] = -along
-        scratch[S2, c] = curvature[k] * dd
+        scratch[S2, c] = scratch[CURVATURE, c] * dd
 
 
 @compiled
-def _largest_badness_2d(
-    x: np.ndarray, shapes: np.ndarray, lo: int, n: int, norm: np.ndarray, scratch: np.ndarray
-) -> float:
-    """The largest badness of a ring with its vertex at x."""
-    x0, x1 = x
-    largest = 0.0
-    for c in range(n):
-        e0, e1 = scratch[END, c] - x0, scratch[END + 1, c] - x1
-        f0, f1 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1
-        v = e0 * scratch[NORMAL, c] + e1 * scratch[NORMAL + 1, c]
-        largest = max(largest, badness(v, norm_2d(e0, e1, f0, f1, norm, shapes[lo + c]), 2))
-    return largest
-
-
-@compiled
-def _largest_badness_3d(
-    x: np.ndarray, shapes: np.ndarray, lo: int, n: int, norm: np.ndarray, scratch: np.ndarray
-) -> float:
-    """The largest badness of a ring with its vertex at x."""
-    x0, x1, x2 = x
-    largest = 0.0
-    for c in range(n):
-        e0, e1, e2 = scratch[END, c] - x0, scratch[END + 1, c] - x1, scratch[END + 2, c] - x2
-        f0, f1, f2 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1, scratch[END + 5, c] - x2
-        g0, g1, g2 = scratch[END + 6, c] - x0, scratch[END + 7, c] - x1, scratch[END + 8, c] - x2
-        v = e0 * scratch[NORMAL, c] + e1 * scratch[NORMAL + 1, c] + e2 * scratch[NORMAL + 2, c]
-        s = norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, norm, shapes[lo + c])
-        largest = max(largest, badness(v, s, 3))
-    return largest
-
-
-@compiled
-def norm_2d(e0: float, e1: float, f0: float, f1: float, norm: np.ndarray, k: int) -> float:
-    s = norm[k, 0] * (e0 * e0 + e1 * e1)
-    s = s + norm[k, 1] * (f0 * f0 + f1 * f1)
-    return s + norm[k, 2] * (e0 * f0 + e1 * f1)
-
-
-@compiled
-def norm_3d(
+def _norm_3d(
     e0: float,
     e1: float,
     e2: float,
@@ -204,15 +183,51 @@ def norm_3d(
     g0: float,
     g1: float,
     g2: float,
-    norm: np.ndarray,
-    k: int,
+    scratch: np.ndarray,
+    c: int,
 ) -> float:
-    s = norm[k, 0] * (e0 * e0 + e1 * e1 + e2 * e2)
-    s = s + norm[k, 1] * (f0 * f0 + f1 * f1 + f2 * f2)
-    s = s + norm[k, 2] * (g0 * g0 + g1 * g1 + g2 * g2)
-    s = s + norm[k, 3] * (e0 * f0 + e1 * f1 + e2 * f2)
-    s = s + norm[k, 4] * (e0 * g0 + e1 * g1 + e2 * g2)
-    return s + norm[k, 5] * (f0 * g0 + f1 * g1 + f2 * g2)
+    """s of the corner in column c with edges e, f and g; see ``mean_ratio.weighted_norm``."""
+    s = scratch[NORM, c] * (e0 * e0 + e1 * e1 + e2 * e2)
+    s = s + scratch[NORM + 1, c] * (f0 * f0 + f1 * f1 + f2 * f2)
+    s = s + scratch[NORM + 2, c] * (g0 * g0 + g1 * g1 + g2 * g2)
+    s = s + scratch[NORM + 3, c] * (e0 * f0 + e1 * f1 + e2 * f2)
+    s = s + scratch[NORM + 4, c] * (e0 * g0 + e1 * g1 + e2 * g2)
+    return s + scratch[NORM + 5, c] * (f0 * g0 + f1 * g1 + f2 * g2)
+
+
+@compiled
+def _largest_badness_2d(x0: float, x1: float, n: int, scratch: np.ndarray) -> float:
+    """The largest badness of a ring with its vertex at x."""
+    for c in range(n):
+        e0, e1 = scratch[END, c] - x0, scratch[END + 1, c] - x1
+        f0, f1 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1
+        s = scratch[NORM, c] * (e0 * e0 + e1 * e1)
+        s = s + scratch[NORM + 1, c] * (f0 * f0 + f1 * f1)
+        s = s + scratch[NORM + 2, c] * (e0 * f0 + e1 * f1)
+        scratch[BADNESS, c] = badness(e0 * scratch[NORMAL, c] + e1 * scratch[NORMAL + 1, c], s, 2)
+    return scratch[BADNESS, _first_largest(scratch, n)]
+
+
+@compiled
+def _largest_badness_3d(x0: float, x1: float, x2: float, n: int, scratch: np.ndarray) -> float:
+    """The largest badness of a ring with its vertex at x."""
+    for c in range(n):
+        e0, e1, e2 = scratch[END, c] - x0, scratch[END + 1, c] - x1, scratch[END + 2, c] - x2
+        f0, f1, f2 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1, scratch[END + 5, c] - x2
+        g0, g1, g2 = scratch[END + 6, c] - x0, scratch[END + 7, c] - x1, scratch[END + 8, c] - x2
+        v = e0 * scratch[NORMAL, c] + e1 * scratch[NORMAL + 1, c] + e2 * scratch[NORMAL + 2, c]
+        scratch[BADNESS, c] = badness(v, _norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, scratch, c), 3)
+    return scratch[BADNESS, _first_largest(scratch, n)]
+
+
+@compiled
+def _first_largest(scratch: np.ndarray, n: int) -> int:
+    """The first corner with the largest badness in the scratch array."""
+    worst, largest = 0, scratch[BADNESS, 0]
+    for c in range(1, n):
+        if scratch[BADNESS, c] > largest:
+            worst, largest = c, scratch[BADNESS, c]
+    return worst
 
 
 @compiled
@@ -249,13 +264,14 @@ def _maximise_minimum(lines: np.ndarray, n: int, d: int) -> tuple[float, float]:
     possible = True
     for c in range(n):
         v0, v1 = lines[V0, c], lines[V1, c]
-        if v1 > 0:
-            if -v0 / v1 > low:
-                low, low_corner = -v0 / v1, c
-        elif v1 < 0:
-            if -v0 / v1 < high:
-                high, high_corner = -v0 / v1, c
-        elif v0 <= 0:
+        barrier = -v0 / v1
+        above = barrier if v1 > 0 else -np.inf
+        below = barrier if v1 < 0 else np.inf
+        if above > low:
+            low, low_corner = above, c
+        if below < high:
+            high, high_corner = below, c
+        if v1 == 0 and v0 <= 0:
             possible = False
     worst = _worst_corner(lines, n, 0.0, d)
     worst_now = lines[BADNESS, worst]
@@ -282,11 +298,7 @@ def _worst_corner(lines: np.ndarray, n: int, at: float, d: int) -> int:
     """The first corner with the largest badness at λ; leaves the badness of all in their row."""
     for c in range(n):
         lines[BADNESS, c] = _badness_at(lines, c, at, d)
-    worst = 0
-    for c in range(1, n):
-        if lines[BADNESS, c] > lines[BADNESS, worst]:
-            worst = c
-    return worst
+    return _first_largest(lines, n)
 
 
 @compiled
@@ -302,18 +314,28 @@ def _inside(lines: np.ndarray, low: float, high: float, low_corner: int, high_co
 
 @compiled
 def _exchange(
-    lines: np.ndarray, n: int, d: int, at: float, worst: int, left: float, right: float, a: int, b: int
+    lines: np.ndarray,
+    n: int,
+    d: int,
+    at: float,
+    worst: int,
+    left: float,
+    right: float,
+    a: int,
+    b: int,
 ) -> float:
     """λ by exchanging bracket corners, from ``at``, where ``worst`` is the worst; see ``line._exchange``."""
     bound = 0.0
+    bottom_a = _lowest(lines, a, d) if left > -np.inf else np.nan
+    bottom_b = _lowest(lines, b, d) if right < np.inf else np.nan
     for _ in range(MAX_ROUNDS):
-        if not (bound * (1.0 + GAIN) < lines[BADNESS, worst] < np.inf):
+        if not bound * (1.0 + GAIN) < lines[BADNESS, worst] < np.inf:
             break
         if _falling(lines, worst, at, d):
-            left, a = at, worst
+            left, a, bottom_a = at, worst, _lowest(lines, worst, d)
         else:
-            right, b = at, worst
-        at = _lower_envelope(lines, a, b, left, right, d)
+            right, b, bottom_b = at, worst, _lowest(lines, worst, d)
+        at = _lower_envelope(lines, a, b, left, right, bottom_a, bottom_b, d)
         bound = 0.0
         if left > -np.inf:
             bound = _badness_at(lines, a, at, d)
@@ -336,15 +358,22 @@ def _lowest(lines: np.ndarray, c: int, d: int) -> float:
 
 
 @compiled
-def _lower_envelope(lines: np.ndarray, a: int, b: int, left: float, right: float, d: int) -> float:
+def _lower_envelope(
+    lines: np.ndarray,
+    a: int,
+    b: int,
+    left: float,
+    right: float,
+    bottom_a: float,
+    bottom_b: float,
+    d: int,
+) -> float:
     if left == -np.inf:
-        return _lowest(lines, b, d)
-    bottom_a = _lowest(lines, a, d)
+        return bottom_b
     if right == np.inf:
         return bottom_a
     if bottom_a < right and _badness_at(lines, b, bottom_a, d) <= _badness_at(lines, a, bottom_a, d):
         return bottom_a
-    bottom_b = _lowest(lines, b, d)
     if bottom_b > left and _badness_at(lines, a, bottom_b, d) <= _badness_at(lines, b, bottom_b, d):
         return bottom_b
     return _crossing(lines, a, b, max(left, bottom_b), min(right, bottom_a), d)
@@ -368,18 +397,18 @@ def _crossing(lines: np.ndarray, a: int, b: int, left: float, right: float, d: i
         vb, tb, dtb = _root(lines, b, at, d)
         one, other = ta * vb, tb * va
         h = one - other
-        if not abs(h) > CROSSED * one:
-            break
         dh = (dta * vb + ta * lines[V1, b]) - (dtb * va + tb * lines[V1, a])
         if h > 0:
             left = at
         else:
             right = at
         newton = at - h / dh
-        following = newton if left < newton < right else 0.5 * (left + right)
-        if not left < following < right:
+        inside = left < newton < right
+        if abs(h) <= NEARLY_CROSSED * one:
+            return newton if inside else at
+        at = newton if inside else 0.5 * (left + right)
+        if not left < at < right:
             break
-        at = following
     return at
 
 

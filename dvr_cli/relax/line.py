@@ -29,7 +29,7 @@ GAIN = 1e-12  # relative growth of min Q below which a vertex is left where it i
 ROUNDING = 1e-13  # bound on the relative rounding error of B, in units of sqrt(B) (3D) or B (2D)
 MAX_ROUNDS = 60  # exchanges of a bracket corner; about 3 are usual
 MAX_NEWTON = 60  # steps towards the crossing of two corners; about 5 are usual
-CROSSED = 1e-13  # relative difference at which two corners count as equal
+NEARLY_CROSSED = 1e-7  # relative difference of two corners from which one more Newton step is exact enough
 
 
 @dataclass
@@ -238,26 +238,25 @@ def _crossing(a: Lines, b: Lines, left: np.ndarray, right: np.ndarray) -> np.nda
     Newton's method on h = t_a v_b - t_b v_a, whose sign is that of B_a - B_b, kept inside a shrinking
     bracket by bisection.
     """
-    result = np.empty(len(left))
-    which = np.arange(len(left))
+    result, which = np.empty(len(left)), np.arange(len(left))
     at = 0.5 * (left + right)
     for _ in range(MAX_NEWTON):
         va, ta, dta = a.root(at)
         vb, tb, dtb = b.root(at)
         one, other = ta * vb, tb * va
         h = one - other
-        result[which] = at
-        going = np.abs(h) > CROSSED * one
-        if not going.any():
-            break
         dh = (dta * vb + ta * b.v1) - (dtb * va + tb * a.v1)
         left = np.where(h > 0, at, left)
         right = np.where(h > 0, right, at)
         newton = at - h / dh
-        at = np.where((newton > left) & (newton < right), newton, 0.5 * (left + right))
-        going &= (at > left) & (at < right)
-        keep = np.flatnonzero(going)
-        if len(keep) < len(going):
+        inside = (newton > left) & (newton < right)
+        near = np.abs(h) <= NEARLY_CROSSED * one
+        at = np.where(inside, newton, np.where(near, at, 0.5 * (left + right)))
+        result[which] = at
+        keep = np.flatnonzero(~near & (at > left) & (at < right))
+        if not len(keep):
+            break
+        if len(keep) < len(at):
             a, b = a.taken(keep), b.taken(keep)
             which, at, left, right = which[keep], at[keep], left[keep], right[keep]
     return result

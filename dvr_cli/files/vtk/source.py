@@ -22,12 +22,12 @@ from dvr_cli.mesh.mesh import Cells, Mesh
 class VtkSource(Source):
     """A legacy VTK file.
 
-    unread: why some of the data behind the cells could not be read (they are copied all the same), or None.
+    unread: why some of the data behind the cells could not be read (they are copied all the same).
     """
 
     format = "vtk"
 
-    def __init__(self, data: bytes, mesh: Mesh, section: PointsSection, unread: str | None) -> None:
+    def __init__(self, data: bytes, mesh: Mesh, section: PointsSection, unread: list[str]) -> None:
         super().__init__()
         self.mesh = mesh
         self.unread = unread
@@ -114,7 +114,8 @@ def read(data: bytes) -> VtkSource:
         point_data, cell_arrays, unread = read_data(scanner, len(geometry.points), n_cells)
     cell_data = {name: [array[number] for number in numbers] for name, array in cell_arrays.items()}
     mesh = Mesh(geometry.points.astype(np.float64), blocks, cell_data, point_data)
-    return VtkSource(data, mesh, geometry.section, unread)
+    left_out = [] if unread is None else [f"some data are not read: {unread}"]
+    return VtkSource(data, mesh, geometry.section, left_out)
 
 
 def _blocks(geometry: Geometry) -> tuple[list[Cells], list[np.ndarray]]:

@@ -1,0 +1,119 @@
+"""What the benchmark sections share: tables, times, processes and their memory, dvr's engines."""
+
+from __future__ import annotations
+
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from dvr_cli.mesh.domain import Domain, domain_of
+from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.relax.choice import has_numba, make_engine
+from dvr_cli.relax.directions import random_field
+from dvr_cli.relax.engine import Engine
+from dvr_cli.relax.problem import build_problem
+
+Contender = tuple[str, int]  # an engine's name and its number of threads
+
+# Runs a command in a process of little memory of its own, since Linux counts the peak of the process that
+# starts another towards the other's; prints the seconds, the peak in kB and the exit code.
+_LAUNCHER = """
+import resource, subprocess, sys, time
+begin = time.perf_counter()
+code = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode
+print(time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss, code)
+"""
+
+
+def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+    """Print a section's heading and a Markdown table, numbers to three digits."""
+    print(f"\n### {title}\n")
+    print("| " + " | ".join(header) + " |")
+    print("|" + "---|" * len(header))
+    for row in rows:
+        print("| " + " | ".join(_shown(value) for value in row) + " |", flush=True)
+
+
+def _shown(value: object) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    return f"{value:.3g}" if abs(value) < 100 else f"{value:.0f}"
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """How long ``work`` takes."""
+    begin = time.perf_counter()
+    work()
+    return time.perf_counter() - begin
+
+
+def run_process(command: Sequence[str | Path]) -> tuple[float, float]:
+    """Seconds and peak memory in MB of a process; SystemExit if it fails."""
+    launch = [sys.executable, "-c", _LAUNCHER, *map(str, command)]
+    answer = subprocess.run(launch, capture_output=True, text=True, check=True)
+    elapsed, peak, code = answer.stdout.split()
+    if code != "0":
+        raise SystemExit(f"{' '.join(map(str, command))} failed:\n{answer.stderr}")
+    in_kb = 1 if sys.platform != "darwin" else 1 / 1024
+    return float(elapsed), float(peak) * in_kb * 1024 / 1e6
+
+
+def median_process(command: Sequence[str | Path], runs: int) -> float:
+    """Median of the seconds of several runs of a process."""
+    return statistics.median(run_process(command)[0] for _ in range(runs))
+
+
+def contenders(threads: Sequence[int] = (1, 2)) -> list[Contender]:
+    """The engines to compare: NumPy, and numba on so many threads if it is installed."""
+    return [("numpy", 1), *([("numba", n) for n in threads] if has_numba() else [])]
+
+
+def fastest() -> str:
+    """The compiled engine if it is installed, or else NumPy."""
+    return contenders()[-1][0]
+
+
+def engine_for(domain: Domain, contender: Contender) -> Engine:
+    """An engine for all interior vertices of a domain, coloured order; coordinates not yet loaded."""
+    name, threads = contender
+    relaxed = np.flatnonzero(domain.interior)
+    return make_engine(
+        name, build_problem(domain.corners, relaxed, domain.points, compiled=name == "numba"), threads
+    )
+
+
+def random_directions(engine: Engine, n_points: int, sweeps: int) -> list[np.ndarray]:
+    """The random directions of the first sweeps, (m, d) each, in the order of the engine's rings."""
+    field, vertices = random_field(engine.problem.dimension, n_points, seed=0), engine.problem.relaxed
+    return [field(sweep, engine.relaxed_points, vertices) for sweep in range(sweeps)]
+
+
+def sweep_all(engine: Engine, directions: Sequence[np.ndarray]) -> None:
+    """Sweep once for each entry of ``directions``."""
+    for sweep in directions:
+        for batch in range(engine.batches):
+            engine.relax_batch(batch, sweep)
+
+
+def warm_up(mesh: Mesh, contender: Contender) -> None:
+    """Have everything compiled and loaded that smoothing this kind of mesh needs."""
+    import dvr_cli
+
+    cells = {block.type: block.vertices for block in mesh.cells}
+    name, threads = contender
+    dvr_cli.smooth(mesh.points, cells, engine=name, threads=threads, max_iterations=1)
+
+
+def domain_for(mesh: Mesh, contender: Contender) -> Domain:
+    """The domain of a mesh, found the way its contender's engine would have it found."""
+    return domain_of(mesh, compiled=contender[0] == "numba")
+
+
+def times(one: float, other: float) -> str:
+    """other / one as the tables show it."""
+    return f"{other / one:.2f}×"

@@ -1,0 +1,220 @@
+"""The benchmark meshes: made by script, the same on every run, kept in a temporary directory.
+
+The Delaunay meshes are those of random points in the unit cube or square. Their boundary carries a regular
+lattice, slightly shaken within its faces, so that it stays planar and no four points of it are cocircular;
+the random points keep off it a little, and elements flat on it are left out. Gmsh makes the Delaunay meshes
+too, as it is several times faster than Qhull.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import gmsh
+import numpy as np
+
+from dvr_cli.mesh.mesh import Cells, Mesh
+
+CACHE = Path(tempfile.gettempdir()) / "dvr-benchmarks"
+LEAST = 0.01  # quality below which the points of a tetrahedron are drawn anew
+_SIMPLEX = {2: "triangle", 3: "tetra"}
+_SHAKE = 0.05  # of the boundary lattice, in units of its spacing
+_MARGIN = 0.25  # least distance of the random points from the boundary, in the same unit
+
+Maker = Callable[..., Mesh]
+
+
+def kept(make: Maker) -> Maker:
+    """Make a mesh only once: later calls with the same arguments load it."""
+
+    @wraps(make)
+    def load(*arguments: float) -> Mesh:
+        path = _file_of(make, arguments)
+        if not path.exists():
+            mesh = make(*arguments)
+            CACHE.mkdir(exist_ok=True)
+            unfinished = path.with_suffix(".part.npz")
+            arrays: dict[str, Any] = {"points": mesh.points, mesh.cells[0].type: mesh.cells[0].vertices}
+            np.savez(unfinished, **arrays)
+            unfinished.replace(path)
+        return load_mesh(path)
+
+    return load
+
+
+def load_mesh(path: Path) -> Mesh:
+    """A mesh kept by ``kept``."""
+    with np.load(path) as arrays:
+        (name,) = set(arrays.files) - {"points"}
+        return Mesh(arrays["points"], [Cells(name, arrays[name])])
+
+
+def path_of(make: Maker, *arguments: float) -> Path:
+    """The file of a kept mesh, made if need be."""
+    make(*arguments)
+    return _file_of(make, arguments)
+
+
+def _file_of(make: Maker, arguments: Sequence[float]) -> Path:
+    return CACHE / f"{'-'.join([make.__name__, *map(str, arguments)])}.npz"
+
+
+@kept
+def random_tets(n: int) -> Mesh:
+    """Delaunay tetrahedra of n points in the unit cube, those inside random."""
+    return _random_simplices(n, 3, LEAST)
+
+
+@kept
+def random_triangles(n: int) -> Mesh:
+    """Delaunay triangles of n points in the unit square, those inside random."""
+    return _random_simplices(n, 2, 0.0)
+
+
+@kept
+def raw_tets(n: int) -> Mesh:
+    """``random_tets`` as drawn, slivers and all: quickly made, for sizes where only speed is asked."""
+    return _random_simplices(n, 3, 0.0)
+
+
+@kept
+def raw_tets_along_curve(n: int) -> Mesh:
+    """``raw_tets`` numbered along a space-filling curve instead of at random."""
+    mesh = raw_tets(n)
+    cell = np.minimum(mesh.points * 1024, 1023).astype(np.int64)
+    code = np.zeros(len(cell), dtype=np.int64)
+    for bit in range(10):  # Morton's curve: the bits of the three coordinates in turn
+        for axis in range(3):
+            code |= (cell[:, axis] >> bit & 1) << (3 * bit + axis)
+    order = np.argsort(code, kind="stable")
+    number = np.empty(len(order), dtype=np.int32)
+    number[order] = np.arange(len(order))
+    tets = number[mesh.cells[0].vertices]
+    return Mesh(mesh.points[order], [Cells("tetra", tets[np.argsort(tets.min(axis=1), kind="stable")])])
+
+
+@kept
+def shaken_hexes(k: int) -> Mesh:
+    """A grid of k^3 hexahedra in the unit cube, its inner vertices shaken."""
+    index = np.arange((k + 1) ** 3, dtype=np.int32).reshape(k + 1, k + 1, k + 1)
+    corner = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    hexes = np.stack([index[x : x + k, y : y + k, z : z + k].ravel() for x, y, z in corner], axis=1)
+    points = np.stack(np.unravel_index(np.arange(index.size), index.shape), axis=1) / k
+    inside = ((points > 0) & (points < 1)).all(axis=1, keepdims=True)
+    shake = np.random.default_rng(0).uniform(-0.2 / k, 0.2 / k, points.shape)
+    return Mesh(points + inside * shake, [Cells("hexahedron", hexes)])
+
+
+@kept
+def gmsh_sphere(h: float) -> Mesh:
+    """Gmsh's Delaunay mesh of the unit sphere with edge length h, not optimised."""
+    with _gmsh_model(h):
+        gmsh.option.setNumber("Mesh.Optimize", 0)
+        gmsh.model.occ.addSphere(0, 0, 0, 1)
+        return _meshed()
+
+
+@kept
+def gmsh_part(h: float) -> Mesh:
+    """A drilled plate with a bored boss, 60 x 40 x 30, meshed and optimised by Gmsh with edge length h."""
+    with _gmsh_model(h):
+        occ = gmsh.model.occ
+        plate, boss = occ.addBox(0, 0, 0, 60, 40, 8), occ.addCylinder(18, 20, 0, 0, 0, 30, 12)
+        body, _ = occ.fuse([(3, plate)], [(3, boss)])
+        holes = [occ.addCylinder(18, 20, -1, 0, 0, 32, 7)]
+        holes += [occ.addCylinder(x, y, -1, 0, 0, 10, 3) for x in (40, 52) for y in (8, 32)]
+        occ.cut(body, [(3, hole) for hole in holes])
+        return _meshed()
+
+
+def write_msh(mesh: Mesh, path: Path) -> None:
+    """Write tetrahedra as Gmsh does: binary .msh 4.1, one physical group (without one meshio cannot)."""
+    with _gmsh_model(1.0):
+        gmsh.option.setNumber("Mesh.Binary", 1)
+        gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
+        gmsh.model.addDiscreteEntity(3, 1)
+        gmsh.model.mesh.addNodes(3, 1, np.arange(1, len(mesh.points) + 1), mesh.points.ravel())
+        gmsh.model.mesh.addElementsByType(1, 4, [], (mesh.cells[0].vertices + 1).ravel())
+        gmsh.model.addPhysicalGroup(3, [1], name="body")
+        gmsh.write(str(path))
+
+
+def _random_simplices(n: int, d: int, least: float) -> Mesh:
+    rng = np.random.default_rng(0)
+    k = round(n ** (1 / d))
+    boundary, margin = _boundary_lattice(k, d, rng), _MARGIN / (k - 1)
+    points = np.concatenate([boundary, rng.uniform(margin, 1 - margin, (n - len(boundary), d))])
+    while True:
+        cells = _delaunay(points)
+        bad = cells[_mean_ratio(points[cells]) < least]
+        again = np.unique(bad[bad >= len(boundary)])
+        if not len(again):
+            return Mesh(points, [Cells(_SIMPLEX[d], cells)])
+        points[again] = rng.uniform(margin, 1 - margin, (len(again), d))
+
+
+def _boundary_lattice(k: int, d: int, rng: np.random.Generator) -> np.ndarray:
+    """The points of a lattice with k points a side that are on the boundary of the unit cube or square."""
+    lattice = np.stack(np.unravel_index(np.arange(k**d), (k,) * d), axis=1)
+    lattice = lattice[((lattice == 0) | (lattice == k - 1)).any(axis=1)]
+    free = (lattice > 0) & (lattice < k - 1)  # along these axes a point may move without leaving its face
+    return (lattice + free * rng.uniform(-_SHAKE, _SHAKE, lattice.shape)) / (k - 1)
+
+
+def _delaunay(points: np.ndarray) -> np.ndarray:
+    """(n, d+1) int32 positive Delaunay simplices, without those that lie in a face of the unit cube."""
+    d = points.shape[1]
+    with _gmsh_model(1.0):
+        flat = points.ravel()
+        tags = gmsh.algorithm.tetrahedralize(flat)[0] if d == 3 else gmsh.algorithm.triangulate(flat)
+    cells = np.asarray(tags).astype(np.int32).reshape(-1, d + 1) - 1
+    x = points[cells]
+    in_face = ((x == 0).all(axis=1) | (x == 1).all(axis=1)).any(axis=1)
+    cells = cells[~in_face]
+    negative = np.linalg.det(points[cells[:, 1:]] - points[cells[:, :1]]) < 0
+    cells[negative, :2] = cells[negative, 1::-1]
+    return cells
+
+
+def _mean_ratio(corners: np.ndarray) -> np.ndarray:
+    """Mean ratio of positive simplices given by coordinates (n, d+1, d), from all their edge lengths."""
+    d = corners.shape[2]
+    det = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
+    first, second = np.triu_indices(d + 1, 1)
+    squares = ((corners[:, first] - corners[:, second]) ** 2).sum(axis=(1, 2))
+    return {2: 2 * np.sqrt(3) * det, 3: 12 * (det / 2) ** (2 / 3)}[d] / squares
+
+
+@contextmanager
+def _gmsh_model(h: float) -> Iterator[None]:
+    """A new Gmsh model with edge length h whose meshes are the same on every run."""
+    gmsh.initialize(["gmsh"], readConfigFiles=False, interruptible=False)
+    try:
+        for option, value in {
+            "General.Terminal": 0,
+            "General.NumThreads": 1,
+            "Mesh.RandomSeed": 1,
+            "Mesh.MeshSizeMin": h,
+            "Mesh.MeshSizeMax": h,
+        }.items():
+            gmsh.option.setNumber(option, value)
+        yield
+    finally:
+        gmsh.finalize()
+
+
+def _meshed() -> Mesh:
+    """The tetrahedra of the Gmsh model, and the points they use."""
+    gmsh.model.occ.synchronize()
+    gmsh.model.mesh.generate(3)
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    number = np.zeros(int(tags.max()) + 1, dtype=np.int32)
+    number[tags] = np.arange(len(tags))
+    _, nodes = gmsh.model.mesh.getElementsByType(4)
+    used, tets = np.unique(number[nodes], return_inverse=True)
+    return Mesh(coordinates.reshape(-1, 3)[used], [Cells("tetra", tets.reshape(-1, 4).astype(np.int32))])

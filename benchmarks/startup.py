@@ -1,0 +1,51 @@
+"""Start-up: what the command costs before and beside the work, against an interpreter that does nothing."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+import meshio
+
+import meshes
+from common import median_process, print_table, times
+
+
+def run(quick: bool) -> None:
+    """Print the table of short processes."""
+    runs = 3 if quick else 10
+    python = [sys.executable]
+    dvr = [sys.executable, "-m", "dvr_cli"]
+    with tempfile.TemporaryDirectory() as folder:
+        tiny = _written(Path(folder) / "tiny.vtk", 100)
+        thousand = _written(Path(folder) / "thousand.vtk", 1_000)
+        target = Path(folder) / "out.vtk"
+        commands: dict[str, list[str | Path]] = {
+            "python -c pass": [*python, "-c", "pass"],
+            "python -c 'import numpy'": [*python, "-c", "import numpy"],
+            "python -c 'import meshio'": [*python, "-c", "import meshio"],
+            "dvr --version": [*dvr, "--version"],
+            "dvr smooth, 100 vertices, numpy": [*dvr, "smooth", tiny, target, "-q", "--engine", "numpy"],
+            "dvr smooth, 1,000 vertices, numpy": [
+                *dvr,
+                "smooth",
+                thousand,
+                target,
+                "-q",
+                "--engine",
+                "numpy",
+            ],
+            "dvr smooth, 1,000 vertices, auto": [*dvr, "smooth", thousand, target, "-q"],
+        }
+        taken = {label: median_process(command, runs) for label, command in commands.items()}
+    reference = taken["python -c pass"]
+    rows = [[label, 1000 * value, times(reference, value)] for label, value in taken.items()]
+    header = ["process", "ms", "against python -c pass"]
+    print_table(f"Start-up: median of {runs}, tetrahedra in binary .vtk", header, rows)
+
+
+def _written(path: Path, n: int) -> Path:
+    mesh = meshes.raw_tets(n)
+    meshio.Mesh(mesh.points, {"tetra": mesh.cells[0].vertices}).write(path, file_format="vtk", binary=True)
+    return path
