@@ -49,9 +49,9 @@ def plane_of(points: np.ndarray) -> Plane | None:
     for constant, pair in ((2, (0, 1)), (0, (1, 2)), (1, (2, 0))):
         if high[constant] == low[constant]:
             return Plane(np.eye(3)[list(pair)], pair)
-    centred = points - points.mean(axis=0)
-    _, _, axes = np.linalg.svd(centred.T @ centred / max(extent, np.finfo(float).tiny) ** 2)
-    if np.max(np.abs(centred @ axes[2])) > FLAT * extent:
+    centred = (points - points.mean(axis=0)) / max(extent, np.finfo(float).tiny)
+    _, _, axes = np.linalg.svd(centred.T @ centred)
+    if np.max(np.abs(centred @ axes[2])) > FLAT:
         return None
     for axis in range(3):  # nearly constant: keep that coordinate exactly as it is
         if high[axis] - low[axis] <= FLAT * extent:

@@ -18,6 +18,7 @@ from dvr_cli.relax.line import GAIN, MAX_NEWTON, MAX_ROUNDS, NEARLY_CROSSED, ROU
 END, NORMAL, V0, V1, S0, S1, S2, BADNESS = 0, 9, 12, 13, 14, 15, 16, 17
 SHAPE, NORM, SLOPE, CURVATURE = 18, 19, 25, 28
 ROWS = 29
+WIDTH = 8  # loops run over whole groups of columns; those beyond the ring hold leftovers nobody looks at
 
 
 @compiled
@@ -37,8 +38,8 @@ def relax_rings(
 ) -> int:
     """Move the vertices of rings first .. last, which are independent, each to the best point of its line.
 
-    points: (N, d), changed in place; directions: (m, d); scratch: (ROWS, largest ring). The other arrays are
-    those of ``Rings`` and ``ShapeTable``. Returns how many vertices moved.
+    points: (N, d), changed in place; directions: (m, d); scratch: (ROWS, largest ring + WIDTH). The other
+    arrays are those of ``Rings`` and ``ShapeTable``. Returns how many vertices moved.
     """
     scratch[SHAPE] = -1.0
     d = points.shape[1]
@@ -104,7 +105,7 @@ def _lines_2d(
         p, q = others[lo + c, 0], others[lo + c, 1]
         scratch[END, c], scratch[END + 1, c] = points[p, 0], points[p, 1]
         scratch[END + 3, c], scratch[END + 4, c] = points[q, 0], points[q, 1]
-    for c in range(n):
+    for c in range(_padded(n)):
         p0, p1 = scratch[END, c], scratch[END + 1, c]
         q0, q1 = scratch[END + 3, c], scratch[END + 4, c]
         n0, n1 = q1 - p1, -(q0 - p0)
@@ -151,7 +152,7 @@ def _lines_3d(
             points[r, 1],
             points[r, 2],
         )
-    for c in range(n):
+    for c in range(_padded(n)):
         p0, p1, p2 = scratch[END, c], scratch[END + 1, c], scratch[END + 2, c]
         q0, q1, q2 = scratch[END + 3, c], scratch[END + 4, c], scratch[END + 5, c]
         r0, r1, r2 = scratch[END + 6, c], scratch[END + 7, c], scratch[END + 8, c]
@@ -159,14 +160,16 @@ def _lines_3d(
         b0, b1, b2 = r0 - p0, r1 - p1, r2 - p2
         n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
         e0, e1, e2 = p0 - x0, p1 - x1, p2 - x2
-        f0, f1, f2 = q0 - x0, q1 - x1, q2 - x2
-        g0, g1, g2 = r0 - x0, r1 - x1, r2 - x2
-        along = scratch[SLOPE, c] * (d0 * e0 + d1 * e1 + d2 * e2)
-        along = along + scratch[SLOPE + 1, c] * (d0 * f0 + d1 * f1 + d2 * f2)
-        along = along + scratch[SLOPE + 2, c] * (d0 * g0 + d1 * g1 + d2 * g2)
         scratch[NORMAL, c], scratch[NORMAL + 1, c], scratch[NORMAL + 2, c] = n0, n1, n2
         scratch[V0, c] = e0 * n0 + e1 * n1 + e2 * n2
         scratch[V1, c] = -(d0 * n0 + d1 * n1 + d2 * n2)
+    for c in range(_padded(n)):  # a loop of its own: with too many rows in one the compiler gives up
+        e0, e1, e2 = scratch[END, c] - x0, scratch[END + 1, c] - x1, scratch[END + 2, c] - x2
+        f0, f1, f2 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1, scratch[END + 5, c] - x2
+        g0, g1, g2 = scratch[END + 6, c] - x0, scratch[END + 7, c] - x1, scratch[END + 8, c] - x2
+        along = scratch[SLOPE, c] * (d0 * e0 + d1 * e1 + d2 * e2)
+        along = along + scratch[SLOPE + 1, c] * (d0 * f0 + d1 * f1 + d2 * f2)
+        along = along + scratch[SLOPE + 2, c] * (d0 * g0 + d1 * g1 + d2 * g2)
         scratch[S0, c] = _norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, scratch, c)
         scratch[S1, c] = -along
         scratch[S2, c] = scratch[CURVATURE, c] * dd
@@ -198,7 +201,7 @@ def _norm_3d(
 @compiled
 def _largest_badness_2d(x0: float, x1: float, n: int, scratch: np.ndarray) -> float:
     """The largest badness of a ring with its vertex at x."""
-    for c in range(n):
+    for c in range(_padded(n)):
         e0, e1 = scratch[END, c] - x0, scratch[END + 1, c] - x1
         f0, f1 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1
         s = scratch[NORM, c] * (e0 * e0 + e1 * e1)
@@ -211,13 +214,19 @@ def _largest_badness_2d(x0: float, x1: float, n: int, scratch: np.ndarray) -> fl
 @compiled
 def _largest_badness_3d(x0: float, x1: float, x2: float, n: int, scratch: np.ndarray) -> float:
     """The largest badness of a ring with its vertex at x."""
-    for c in range(n):
+    for c in range(_padded(n)):
         e0, e1, e2 = scratch[END, c] - x0, scratch[END + 1, c] - x1, scratch[END + 2, c] - x2
         f0, f1, f2 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1, scratch[END + 5, c] - x2
         g0, g1, g2 = scratch[END + 6, c] - x0, scratch[END + 7, c] - x1, scratch[END + 8, c] - x2
         v = e0 * scratch[NORMAL, c] + e1 * scratch[NORMAL + 1, c] + e2 * scratch[NORMAL + 2, c]
         scratch[BADNESS, c] = badness(v, _norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, scratch, c), 3)
     return scratch[BADNESS, _first_largest(scratch, n)]
+
+
+@compiled
+def _padded(n: int) -> int:
+    """n rounded up to whole groups of WIDTH."""
+    return (n + WIDTH - 1) // WIDTH * WIDTH
 
 
 @compiled
@@ -296,7 +305,7 @@ def _maximise_minimum(lines: np.ndarray, n: int, d: int) -> tuple[float, float]:
 @compiled
 def _worst_corner(lines: np.ndarray, n: int, at: float, d: int) -> int:
     """The first corner with the largest badness at λ; leaves the badness of all in their row."""
-    for c in range(n):
+    for c in range(_padded(n)):
         lines[BADNESS, c] = _badness_at(lines, c, at, d)
     return _first_largest(lines, n)
 

@@ -11,7 +11,7 @@ import numpy as np
 from dvr_cli.mesh.corners import SHAPES
 from dvr_cli.relax.compiled import worst_corner
 from dvr_cli.relax.engine import Engine
-from dvr_cli.relax.kernel import ROWS, relax_rings
+from dvr_cli.relax.kernel import ROWS, WIDTH, relax_rings
 from dvr_cli.relax.problem import Problem
 
 _LEAST = 512  # rings or corners a thread is given at least: fewer cost more than they save
@@ -44,7 +44,7 @@ class NumbaEngine(Engine):
         rings, table = self.problem.rings, SHAPES[self.problem.dimension]
         arrays = rings.vertices, rings.start, rings.others, rings.shapes
         tables = table.norm, table.slope, table.curvature
-        scratch = np.empty((ROWS, self._largest_ring))
+        scratch = np.zeros((ROWS, self._largest_ring + WIDTH))
         return relax_rings(self._points, directions, lo, hi, *arrays, *tables, scratch)
 
     def _worst_corner(self) -> tuple[int, float]:

@@ -164,6 +164,8 @@ SMOOTH = {
     "--time-limit": ["5.5"],
     "--order": ["natural"],
     "--seed": ["18446744073709551615"],
+    "--engine": ["numpy"],
+    "--threads": ["2"],
     "--straighten": [],
     "--report": ["{folder}/r.csv"],
     "--no-report": [],
