@@ -42,6 +42,25 @@ def ring_entries(
 
 
 @compiled
+def permuted_rings(
+    start: np.ndarray, others: np.ndarray, shapes: np.ndarray, order: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Start, other vertices and shapes of the rings order[0], order[1], ... (see ``Rings.permuted``)."""
+    new_start = np.zeros(len(order) + 1, dtype=np.int64)
+    for i in range(len(order)):
+        new_start[i + 1] = new_start[i] + start[order[i] + 1] - start[order[i]]
+    new_others = np.empty((new_start[-1], others.shape[1]), dtype=others.dtype)
+    new_shapes = np.empty(new_start[-1], dtype=shapes.dtype)
+    for i in range(len(order)):
+        old, new = start[order[i]], new_start[i]
+        for entry in range(new_start[i + 1] - new):
+            new_shapes[new + entry] = shapes[old + entry]
+            for j in range(others.shape[1]):
+                new_others[new + entry, j] = others[old + entry, j]
+    return new_start, new_others, new_shapes
+
+
+@compiled
 def facet_order(vertices: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     """As ``facets._facet_order``: an order that puts facets with the same vertices together, and where each
     group begins. n: number of points.

@@ -8,6 +8,7 @@ of one region.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -184,8 +185,9 @@ def _check_values(mesh: Mesh) -> None:
                 f"cell {first + row} ({block.type}) names a vertex that does not exist; "
                 f"there are {len(mesh.points)} vertices"
             )
-        ascending = np.sort(vertices, axis=1)
-        twice = (ascending[:, 1:] == ascending[:, :-1]).any(axis=1)
+        twice = np.zeros(len(vertices), dtype=bool)
+        for i, j in combinations(range(vertices.shape[1]), 2):
+            twice |= vertices[:, i] == vertices[:, j]
         if twice.any():
             row = int(twice.argmax())
             raise InputError(f"cell {first + row} ({block.type}) names one vertex twice")

@@ -48,25 +48,26 @@ def facets_of(blocks: list[Cells], compiled: bool = False) -> Facets:
     compiled: use compiled code; the result is the same but for the order of the facets.
     """
     width = max((len(facet) for block in blocks for facet in FACETS[block.type]), default=2)
-    vertices, cells, first = [], [], 0
+    total = sum(len(block.vertices) * len(FACETS[block.type]) for block in blocks)
+    vertices = np.full((total, width), -1, dtype=np.int32)
+    cell = np.empty(total, dtype=np.int32)
+    first = row = 0
     for block in blocks:
-        number = np.arange(first, first + len(block.vertices))
-        first += len(block.vertices)
+        n = len(block.vertices)
         for facet in FACETS[block.type]:
-            side = np.full((len(number), width), -1, dtype=np.int32)
-            side[:, : len(facet)] = block.vertices[:, facet]
-            vertices.append(side)
-            cells.append(number)
-    all_vertices = np.concatenate(vertices) if vertices else np.empty((0, width), dtype=np.int32)
-    cell = np.concatenate(cells) if cells else np.empty(0, dtype=np.int64)
+            for k, local in enumerate(facet):
+                vertices[row : row + n, k] = block.vertices[:, local]
+            cell[row : row + n] = np.arange(first, first + n)
+            row += n
+        first += n
     if compiled:
         from dvr_cli.mesh import compiled as fast
 
-        order, new = fast.facet_order(all_vertices, int(all_vertices.max(initial=-1)) + 1)
+        order, new = fast.facet_order(vertices, int(vertices.max(initial=-1)) + 1)
     else:
-        order, new = _facet_order(all_vertices)
+        order, new = _facet_order(vertices)
     start = np.append(np.flatnonzero(new), len(cell))
-    return Facets(all_vertices[order], cell[order].astype(np.int32), start)
+    return Facets(vertices[order], cell[order], start)
 
 
 def _facet_order(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -34,8 +34,13 @@ class Rings:
         """(m,) number of corners in each ring."""
         return np.diff(self.start)
 
-    def permuted(self, order: np.ndarray) -> Rings:
+    def permuted(self, order: np.ndarray, compiled: bool = False) -> Rings:
         """The same rings with ring order[0] first, then order[1], ..."""
+        if compiled:
+            from dvr_cli.mesh import compiled as fast
+
+            parts = fast.permuted_rings(self.start, self.others, self.shapes, order)
+            return Rings(self.vertices[order], *parts)
         entries, start = row_entries(self.start, order)
         return Rings(self.vertices[order], start, self.others[entries], self.shapes[entries])
 

@@ -44,7 +44,8 @@ def random_field(dimension: int, n_points: int, seed: int) -> DirectionField:
     def field(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
         generator = np.random.Generator(np.random.Philox(key=np.array([seed, sweep + 1], dtype=np.uint64)))
         # drawn for every vertex of the mesh, so that a vertex's direction does not depend on I_R or its order
-        return unit(generator.standard_normal((n_points, dimension))[vertices])
+        vectors = generator.standard_normal((n_points, dimension))[vertices]
+        return vectors / np.sqrt(np.square(vectors).sum(axis=1, keepdims=True))
 
     return field
 

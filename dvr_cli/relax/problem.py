@@ -61,7 +61,7 @@ def build_problem(
     sets = batches(rings, n_points, order, seed, compiled)
     parts = [members[np.argsort(number[rings.vertices[members]])] for members in sets]
     sequence = np.concatenate([np.empty(0, dtype=np.int64), *parts])
-    rings = rings.permuted(sequence)
+    rings = rings.permuted(sequence, compiled)
     moves = np.zeros(n_points, dtype=bool)
     moves[relaxed] = True
     touched = moves[corners.vertices].any(axis=1)

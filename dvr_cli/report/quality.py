@@ -92,10 +92,11 @@ def measure(domain: Domain, points: np.ndarray, relaxed: np.ndarray, worst: int 
 
 
 def _quantiles(elements: np.ndarray) -> dict[float, float]:
-    """Quantiles with linear interpolation between the sorted values."""
-    ascending = np.sort(elements)
-    places = np.arange(len(ascending))
-    return {q: float(np.interp(q * (len(ascending) - 1), places, ascending)) for q in QUANTILES}
+    """Quantiles with linear interpolation between the two sorted values on either side."""
+    places = {q: q * (len(elements) - 1) for q in QUANTILES}
+    sides = {q: (int(place), min(int(place) + 1, len(elements) - 1)) for q, place in places.items()}
+    ordered = np.partition(elements, sorted({k for side in sides.values() for k in side}))
+    return {q: float(np.interp(places[q], sides[q], ordered[list(sides[q])])) for q in QUANTILES}
 
 
 def _q1_element(
