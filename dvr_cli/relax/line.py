@@ -46,10 +46,11 @@ class Lines:
     s2: np.ndarray
     dimension: int
 
-    def of(self, corner: np.ndarray, vertices: np.ndarray) -> Lines:
-        """The lines of one corner of each vertex: (n,) each."""
-        s2 = self.s2[corner, vertices] if len(self.s2) > 1 else self.s2[0, vertices]
-        v0, v1, s0, s1 = (c[corner, vertices] for c in (self.v0, self.v1, self.s0, self.s1))
+    def of(self, corner: np.ndarray) -> Lines:
+        """The lines of chosen corners of each vertex; corner is (n,) or (2, n), and so are they."""
+        column = np.arange(corner.shape[-1])
+        s2 = self.s2[corner, column] if len(self.s2) > 1 else self.s2[0]
+        v0, v1, s0, s1 = (c[corner, column] for c in (self.v0, self.v1, self.s0, self.s1))
         return Lines(v0, v1, s0, s1, s2, self.dimension)
 
     def taken(self, vertices: np.ndarray) -> Lines:
@@ -174,7 +175,7 @@ def _exchange(
     at = np.where(start_here, 0.0, _inside(lines, low, high, low_corner, high_corner))
     all_badness = now if start_here.all() else lines.badness(at)
     result, which = at.copy(), np.arange(len(at))
-    left, a, right, b = low, low_corner, high, high_corner
+    left, right, pair = low, high, np.stack([low_corner, high_corner])
     bound = np.zeros(len(at))  # the larger badness of the bracket corners at ``at``
     for _ in range(MAX_ROUNDS):
         worst = all_badness.argmax(axis=0)
@@ -183,19 +184,15 @@ def _exchange(
         if not len(keep):
             break
         if len(keep) < len(at):
-            lines = lines.taken(keep)
-            which, at, worst, left, right, a, b = (x[keep] for x in (which, at, worst, left, right, a, b))
-        column = np.arange(len(at))
-        falling = lines.of(worst, column).slope(at) < 0
-        left, a = np.where(falling, at, left), np.where(falling, worst, a)
-        right, b = np.where(falling, right, at), np.where(falling, b, worst)
-        first, second = lines.of(a, column), lines.of(b, column)
-        at = _lower_envelope(first, second, left, right)
+            lines, pair = lines.taken(keep), pair[:, keep]
+            which, at, worst, left, right = (x[keep] for x in (which, at, worst, left, right))
+        falling = lines.of(worst).slope(at) < 0
+        left, right = np.where(falling, at, left), np.where(falling, right, at)
+        pair = np.where([falling, ~falling], worst, pair)
+        two = lines.of(pair)
+        at = _lower_envelope(two, left, right)
         result[which] = at
-        bound = np.maximum(
-            np.where(left > -np.inf, first.badness(at), 0.0),
-            np.where(right < np.inf, second.badness(at), 0.0),
-        )
+        bound = np.where([left > -np.inf, right < np.inf], two.badness(at), 0.0).max(axis=0)
         all_badness = lines.badness(at)
     return result
 
@@ -204,8 +201,7 @@ def _inside(
     lines: Lines, low: np.ndarray, high: np.ndarray, low_corner: np.ndarray, high_corner: np.ndarray
 ) -> np.ndarray:
     """A point of (low, high): the middle, or one corner size from the only end there is."""
-    column = np.arange(len(low))
-    lower, upper = lines.of(low_corner, column), lines.of(high_corner, column)
+    lower, upper = lines.of(low_corner), lines.of(high_corner)
     after = low + np.sqrt(np.maximum(lower.s0 / lower.s2, 0.0))
     before = high - np.sqrt(np.maximum(upper.s0 / upper.s2, 0.0))
     middle = 0.5 * (low + high)
@@ -214,38 +210,38 @@ def _inside(
     )
 
 
-def _lower_envelope(a: Lines, b: Lines, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _lower_envelope(two: Lines, left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """λ in [left, right] that minimises the larger B of corner a, falling at left, and b, rising at right.
 
-    Where left is -∞ there is no corner a, and where right is ∞ no corner b.
+    two: the lines of a and b, (2, n) each. Where left is -∞ there is no corner a, where right is ∞ no b.
     """
-    bottom_a, bottom_b = a.lowest(), b.lowest()
+    bottom = two.lowest()
+    own, other = two.badness(bottom), two.badness(bottom[::-1])
     no_a, no_b = left == -np.inf, right == np.inf
-    at_a = no_b | ((bottom_a < right) & (b.badness(bottom_a) <= a.badness(bottom_a)))
-    at_b = no_a | ((bottom_b > left) & (a.badness(bottom_b) <= b.badness(bottom_b)))
-    result = np.where(no_a, bottom_b, np.where(at_a, bottom_a, bottom_b))
+    at_a = no_b | ((bottom[0] < right) & (other[1] <= own[0]))
+    at_b = no_a | ((bottom[1] > left) & (other[0] <= own[1]))
+    result = np.where(no_a, bottom[1], np.where(at_a, bottom[0], bottom[1]))
     cross = np.flatnonzero(~(at_a | at_b))
     if len(cross):
-        start = np.maximum(left, bottom_b)[cross]
-        end = np.minimum(right, bottom_a)[cross]
-        result[cross] = _crossing(a.taken(cross), b.taken(cross), start, end)
+        start = np.maximum(left, bottom[1])[cross]
+        end = np.minimum(right, bottom[0])[cross]
+        result[cross] = _crossing(two.taken(cross), start, end)
     return result
 
 
-def _crossing(a: Lines, b: Lines, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _crossing(two: Lines, left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """The λ in [left, right] where corner a, falling, and corner b, rising, are equally bad.
 
-    Newton's method on h = t_a v_b - t_b v_a, whose sign is that of B_a - B_b, kept inside a shrinking
-    bracket by bisection.
+    two: the lines of a and b, (2, n) each. Newton's method on h = t_a v_b - t_b v_a, whose sign is that of
+    B_a - B_b, kept inside a shrinking bracket by bisection.
     """
     result, which = np.empty(len(left)), np.arange(len(left))
     at = 0.5 * (left + right)
     for _ in range(MAX_NEWTON):
-        va, ta, dta = a.root(at)
-        vb, tb, dtb = b.root(at)
-        one, other = ta * vb, tb * va
-        h = one - other
-        dh = (dta * vb + ta * b.v1) - (dtb * va + tb * a.v1)
+        v, t, dt = two.root(at)
+        one, other = t * v[::-1]
+        dh_one, dh_other = dt * v[::-1] + t * two.v1[::-1]
+        h, dh = one - other, dh_one - dh_other
         left = np.where(h > 0, at, left)
         right = np.where(h > 0, right, at)
         newton = at - h / dh
@@ -257,7 +253,7 @@ def _crossing(a: Lines, b: Lines, left: np.ndarray, right: np.ndarray) -> np.nda
         if not len(keep):
             break
         if len(keep) < len(at):
-            a, b = a.taken(keep), b.taken(keep)
+            two = two.taken(keep)
             which, at, left, right = which[keep], at[keep], left[keep], right[keep]
     return result
 
