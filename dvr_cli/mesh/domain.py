@@ -133,9 +133,11 @@ def _interior(
     interior = _used([cells[b] for b in chosen], n_points)
     begin = facets.start[:-1]
     inside = facets.shared_by == 2
-    pair = begin[inside]
-    inside[inside] = region[facets.cell[pair]] == region[facets.cell[pair + 1]]
-    outer = facets.vertices[begin[~inside]]
+    if region.any():
+        pair = begin[inside]
+        one, other = (facets.owner[facets.order[place]] for place in (pair, pair + 1))
+        inside[inside] = region[one] == region[other]
+    outer = facets.sides[facets.order[begin[~inside]]]
     interior[outer[outer >= 0]] = False
     for b, block in enumerate(cells):
         if b not in chosen:

@@ -7,6 +7,7 @@ they have a facet with the same vertices; a facet of one cell only lies on the b
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -25,16 +26,28 @@ FACETS: dict[str, tuple[tuple[int, ...], ...]] = {
 
 @dataclass(frozen=True)
 class Facets:
-    """All facets of a mesh, once for each cell that has them, with equal ones next to each other.
+    """All facets of a mesh, once for each cell that has them.
 
-    vertices: (F, w) point indices in positive order, w the largest facet; shorter ones end in -1.
-    cell: (F,) the cell each belongs to.
-    start: (G + 1,) facets with the same vertices are start[g] .. start[g+1].
+    sides: (F, w) point indices in positive order, w the largest facet; shorter ones end in -1.
+    owner: (F,) the cell each belongs to.
+    order: (F,) puts facets with the same vertices next to each other: in this order they are
+    start: (G + 1,) start[g] .. start[g+1].
     """
 
-    vertices: np.ndarray
-    cell: np.ndarray
+    sides: np.ndarray
+    owner: np.ndarray
+    order: np.ndarray
     start: np.ndarray
+
+    @cached_property
+    def vertices(self) -> np.ndarray:
+        """(F, w) the sides in order."""
+        return self.sides[self.order]
+
+    @cached_property
+    def cell(self) -> np.ndarray:
+        """(F,) the owners in order."""
+        return self.owner[self.order]
 
     @property
     def shared_by(self) -> np.ndarray:
@@ -66,8 +79,7 @@ def facets_of(blocks: list[Cells], compiled: bool = False) -> Facets:
         order, new = fast.facet_order(vertices, int(vertices.max(initial=-1)) + 1)
     else:
         order, new = _facet_order(vertices)
-    start = np.append(np.flatnonzero(new), len(cell))
-    return Facets(vertices[order], cell[order], start)
+    return Facets(vertices, cell, order, np.append(np.flatnonzero(new), len(cell)))
 
 
 def _facet_order(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
