@@ -22,6 +22,7 @@ from dvr_cli.mesh.regions import regions_of
 from dvr_cli.mesh.second_order import NODES, MidNodes, linear_cells, mid_nodes
 from dvr_cli.mesh.simplex import corner_measures
 
+_LARGEST = 1e50  # its sixth power, which comparing tetrahedra takes, is still a number
 LOWER = ("vertex", "line", "line4")  # cells of dimension below 2 that may come along
 
 
@@ -170,6 +171,8 @@ def _check_values(mesh: Mesh) -> None:
     bad = np.flatnonzero(~np.isfinite(mesh.points).all(axis=1))
     if len(bad):
         raise InputError(f"the coordinates of vertex {bad[0]} (counted from 0) are not finite")
+    if np.abs(mesh.points).max(initial=0.0) > _LARGEST:
+        raise InputError(f"coordinates beyond {_LARGEST:g} cannot be computed with; choose another unit")
     first = 0
     for block in mesh.cells:
         vertices = block.vertices

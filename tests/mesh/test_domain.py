@@ -256,3 +256,9 @@ def test_points_with_too_few_or_too_many_coordinates(coordinates):
 def test_volume_cells_with_two_coordinates(kind):
     mesh = random_mesh(kind, 1)
     assert "2" in refusal(Mesh(mesh.points[:, :2], mesh.cells))
+
+
+def test_coordinates_too_large_to_compute_with():
+    mesh = random_mesh("tetra", 1)
+    assert "1e+50" in refusal(Mesh(mesh.points * 1e60, mesh.cells))
+    assert domain_of(Mesh(mesh.points * 1e49, mesh.cells)).interior.any()
