@@ -44,6 +44,7 @@ class MeshioSource(Source):
         self.format = format_name
         self.unread = list(unread)
         self.file_name = "mesh"  # of the output: meshio tells binary from text by it in some formats
+        self._last: tuple[tuple[str, bytes], tuple[bytes, Mesh]] | None = None
 
     def write(self, points: np.ndarray, file: BinaryIO) -> None:
         """Write the mesh with other coordinates; raises OutputError where the format cannot hold it."""
@@ -56,7 +57,16 @@ class MeshioSource(Source):
         return back.points[: len(points), : points.shape[1]]
 
     def _written(self, points: np.ndarray) -> tuple[bytes, Mesh]:
-        """The bytes meshio writes, and the mesh it reads back from them."""
+        """The bytes meshio writes, and the mesh it reads back from them; the last are kept.
+
+        What was just tried out by ``stored`` is mostly what ``write`` is asked for next.
+        """
+        wanted = self.file_name, points.tobytes()
+        if self._last is None or self._last[0] != wanted:
+            self._last = wanted, self._write_and_read(points)
+        return self._last[1]
+
+    def _write_and_read(self, points: np.ndarray) -> tuple[bytes, Mesh]:
         import meshio
 
         name, options = _WRITE_AS.get(self.format, (self.format, {}))

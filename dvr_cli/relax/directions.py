@@ -30,9 +30,8 @@ def check_name(name: str) -> None:
 
 def unit(vectors: np.ndarray) -> np.ndarray:
     """The rows of ``vectors`` (n, d) scaled to length one; zero rows stay zero."""
-    largest = np.abs(vectors).max(
-        axis=1, keepdims=True
-    )  # scaled first, so that no square over- or underflows
+    # scaled by the largest component first, so that no square over- or underflows
+    largest = np.abs(vectors).max(axis=1, keepdims=True)
     scaled = np.divide(vectors, largest, out=np.zeros_like(vectors), where=largest > 0)
     length = np.sqrt((scaled * scaled).sum(axis=1, keepdims=True))
     return np.divide(scaled, length, out=np.zeros_like(vectors), where=length > 0)

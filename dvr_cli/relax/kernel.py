@@ -113,13 +113,10 @@ def _lines_2d(
         f0, f1 = q0 - x0, q1 - x1
         along = scratch[SLOPE, c] * (d0 * e0 + d1 * e1)
         along = along + scratch[SLOPE + 1, c] * (d0 * f0 + d1 * f1)
-        s = scratch[NORM, c] * (e0 * e0 + e1 * e1)
-        s = s + scratch[NORM + 1, c] * (f0 * f0 + f1 * f1)
-        s = s + scratch[NORM + 2, c] * (e0 * f0 + e1 * f1)
         scratch[NORMAL, c], scratch[NORMAL + 1, c] = n0, n1
         scratch[V0, c] = e0 * n0 + e1 * n1
         scratch[V1, c] = -(d0 * n0 + d1 * n1)
-        scratch[S0, c] = s
+        scratch[S0, c] = _norm_2d(e0, e1, f0, f1, scratch, c)
         scratch[S1, c] = -along
         scratch[S2, c] = scratch[CURVATURE, c] * dd
 
@@ -176,6 +173,14 @@ def _lines_3d(
 
 
 @compiled
+def _norm_2d(e0: float, e1: float, f0: float, f1: float, scratch: np.ndarray, c: int) -> float:
+    """s of the corner in column c with edges e and f; see ``mean_ratio.weighted_norm``."""
+    s = scratch[NORM, c] * (e0 * e0 + e1 * e1)
+    s = s + scratch[NORM + 1, c] * (f0 * f0 + f1 * f1)
+    return s + scratch[NORM + 2, c] * (e0 * f0 + e1 * f1)
+
+
+@compiled
 def _norm_3d(
     e0: float,
     e1: float,
@@ -204,10 +209,8 @@ def _largest_badness_2d(x0: float, x1: float, n: int, scratch: np.ndarray) -> fl
     for c in range(_padded(n)):
         e0, e1 = scratch[END, c] - x0, scratch[END + 1, c] - x1
         f0, f1 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1
-        s = scratch[NORM, c] * (e0 * e0 + e1 * e1)
-        s = s + scratch[NORM + 1, c] * (f0 * f0 + f1 * f1)
-        s = s + scratch[NORM + 2, c] * (e0 * f0 + e1 * f1)
-        scratch[BADNESS, c] = badness(e0 * scratch[NORMAL, c] + e1 * scratch[NORMAL + 1, c], s, 2)
+        v = e0 * scratch[NORMAL, c] + e1 * scratch[NORMAL + 1, c]
+        scratch[BADNESS, c] = badness(v, _norm_2d(e0, e1, f0, f1, scratch, c), 2)
     return scratch[BADNESS, _first_largest(scratch, n)]
 
 

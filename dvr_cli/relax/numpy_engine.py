@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from dvr_cli.mesh.corners import SHAPES
-from dvr_cli.mesh.simplex import chunks, dot, edges_and_determinant, opposite_normal, subtract
+from dvr_cli.mesh.simplex import Components, chunks, dot, edges_and_determinant, opposite_normal, subtract
 from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.engine import Engine
 from dvr_cli.relax.line import badness, coefficients, improves, maximise_minimum
@@ -55,11 +55,14 @@ class NumpyEngine(Engine):
         worst, largest = 0, -1.0
         for chunk in chunks(len(touched.vertices)):
             edges, v = edges_and_determinant(self._get(), touched.vertices[chunk])
-            with np.errstate(all="ignore"):  # a degenerate corner is not positive, whatever s/v says
-                here = badness(v, weighted_norm(edges, norm[touched.shapes[chunk, 0]].T), self._dimension)
+            here = self._badness(v, edges, norm[touched.shapes[chunk, 0]].T)
             if here.max() > largest:
                 worst, largest = chunk.start + int(here.argmax()), float(here.max())
         return worst, largest
+
+    def _badness(self, v: np.ndarray, edges: Sequence[Components], norm: Sequence[np.ndarray]) -> np.ndarray:
+        with np.errstate(all="ignore"):  # a degenerate corner is not positive, whatever s/v says
+            return badness(v, weighted_norm(edges, norm), self._dimension)
 
     def relax_batch(self, batch: int, directions: np.ndarray) -> int:
         return sum(self._relax_chunk(chunk, directions) for chunk in self._batches[batch])
@@ -83,8 +86,7 @@ class NumpyEngine(Engine):
         if chunk.shapes.size > 1:
             norm = norm[:, :, moving]
         v = dot(edges[0], opposite_normal(ends))
-        with np.errstate(all="ignore"):  # a degenerate corner is not positive, whatever s/v says
-            after = badness(v, weighted_norm(edges, norm), self._dimension).max(axis=0)
+        after = self._badness(v, edges, norm).max(axis=0)
         better = improves(before[moving], after, self._dimension)
         moved = chunk.vertices[moving[better]]
         for component, value in zip(self._coordinates, target, strict=True):
