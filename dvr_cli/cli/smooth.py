@@ -119,8 +119,17 @@ def smooth(
     from dvr_cli.report.export import as_csv, as_json
     from dvr_cli.report.text import gate_failure, smooth_text
 
-    stopping = Stopping(max_iterations, tol, patience, target, time_limit)
-    options = SmoothOptions(directions, center, axis, order, seed, straighten, engine, threads, stopping)
+    options = SmoothOptions(
+        directions=directions,
+        center=center,
+        axis=axis,
+        order=order,
+        seed=seed,
+        straighten=straighten,
+        engine=engine,
+        threads=threads,
+        stopping=Stopping(max_iterations, tol, patience, target, time_limit),
+    )
     if quiet and verbose:
         raise UsageError("--quiet and --verbose exclude each other")
     if report is not None and no_report:

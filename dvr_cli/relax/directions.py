@@ -12,6 +12,7 @@ import numpy as np
 
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.domain import Domain
+from dvr_cli.mesh.freedom import Freedom
 
 # (sweep k from 0, coordinates (n, d) of the relaxed vertices, their indices (n,)) -> (n, d)
 DirectionField = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
@@ -35,6 +36,13 @@ def unit(vectors: np.ndarray) -> np.ndarray:
     scaled = np.divide(vectors, largest, out=np.zeros_like(vectors), where=largest > 0)
     length = np.sqrt((scaled * scaled).sum(axis=1, keepdims=True))
     return np.divide(scaled, length, out=np.zeros_like(vectors), where=length > 0)
+
+
+def restricted(field: DirectionField, freedom: Freedom) -> DirectionField:
+    """The part of a field that each vertex is free to follow, of unit length, or zero where there is none."""
+    if not freedom.axis.any():
+        return field
+    return lambda sweep, points, vertices: unit(freedom.restrict(field(sweep, points, vertices), vertices))
 
 
 def random_field(dimension: int, n_points: int, seed: int) -> DirectionField:

@@ -1,0 +1,135 @@
+"""What ``import dvr_cli`` offers: arrays or ``meshio.Mesh`` in, arrays or ``meshio.Mesh`` out."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dvr_cli.api.options import Directions, SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
+from dvr_cli.errors import UsageError
+from dvr_cli.mesh.convert import from_meshio
+from dvr_cli.mesh.domain import domain_of
+from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.relax.stopping import Stopping
+from dvr_cli.report.compare import Comparison, compare_qualities
+from dvr_cli.report.quality import measure
+from dvr_cli.report.records import QualityReport, SmoothReport, summarise
+
+if TYPE_CHECKING:
+    import meshio
+
+
+def smooth(
+    mesh: meshio.Mesh | np.ndarray,
+    cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None = None,
+    *,
+    directions: Directions = "random",
+    center: Sequence[float] | None = None,
+    axis: Sequence[float] | None = None,
+    max_iterations: int = 100,
+    tol: float = 1e-3,
+    patience: int = 3,
+    target: float | None = None,
+    time_limit: float | None = None,
+    order: str = "coloured",
+    seed: int = 0,
+    straighten: bool = False,
+    engine: str = "auto",
+    threads: int | None = None,
+) -> tuple[Any, SmoothReport]:
+    """Improve a mesh by directional vertex relaxation (the paper's Algorithm 1).
+
+    mesh: a ``meshio.Mesh``, or points (N, 2) or (N, 3) with ``cells`` as {type: (n, k) int} or pairs of these
+        (types and node order as in meshio). The input is not altered.
+    The options are those of ``dvr smooth``; see SmoothOptions and Stopping.
+
+    Returns (mesh, report): a new ``meshio.Mesh`` with the same cells and data, or the new points (N, 2|3),
+    and a report with the same figures as the command's. The mesh quality never decreases.
+    Raises UsageError for wrong options, InputError for meshes that cannot be relaxed.
+
+    >>> import numpy as np, dvr_cli
+    >>> points = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0.8, 0.9]])
+    >>> triangles = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+    >>> moved, report = dvr_cli.smooth(points, {"triangle": triangles}, directions="axis")
+    >>> moved[4].round(3).tolist()
+    [0.5, 0.5]
+    """
+    options = SmoothOptions(
+        directions=directions,
+        center=center,
+        axis=axis,
+        order=order,
+        seed=seed,
+        straighten=straighten,
+        engine=engine,
+        threads=threads,
+        stopping=Stopping(max_iterations, tol, patience, target, time_limit),
+    )
+    internal = as_mesh(mesh, cells)
+    points, report = smooth_mesh(internal, options)
+    if isinstance(mesh, np.ndarray):
+        return points, report
+    moved = copy.copy(mesh)
+    moved.points = points
+    return moved, report
+
+
+def quality_report(
+    mesh: meshio.Mesh | np.ndarray,
+    cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None = None,
+    *,
+    worst: int = 10,
+) -> QualityReport:
+    """The quality of a mesh, as ``dvr report quality`` gives it.
+
+    mesh, cells: as for ``smooth``. worst: how many of the worst elements to list.
+    Raises InputError for meshes without elements whose quality is defined.
+    """
+    return mesh_quality(as_mesh(mesh, cells), worst)
+
+
+def compare(before: meshio.Mesh, after: meshio.Mesh) -> Comparison:
+    """Which of two meshes of one connectivity is better in the paper's ordering of quality vectors (eq. 2).
+
+    Raises InputError when their cells differ.
+    """
+    return compare_meshes(from_meshio(before), from_meshio(after))
+
+
+def mesh_quality(mesh: Mesh, worst: int = 10) -> QualityReport:
+    """The quality report of a Mesh; curved second-order cells count as straight."""
+    domain = domain_of(mesh, straighten=True)
+    relaxed = np.flatnonzero(domain.interior)
+    return QualityReport(summarise(mesh, domain), len(relaxed), measure(domain, mesh.points, relaxed, worst))
+
+
+def compare_meshes(before: Mesh, after: Mesh) -> Comparison:
+    """The comparison of two meshes of one connectivity; InputError when their cells differ."""
+    return compare_qualities(mesh_quality(before), mesh_quality(after), same_connectivity(before, after))
+
+
+def same_connectivity(before: Mesh, after: Mesh) -> bool:
+    """Whether two meshes have equally many points and the same cells in the same order."""
+    return (len(before.points), len(before.cells)) == (len(after.points), len(after.cells)) and all(
+        x.type == y.type and np.array_equal(x.vertices, y.vertices)
+        for x, y in zip(before.cells, after.cells, strict=True)
+    )
+
+
+def as_mesh(
+    mesh: meshio.Mesh | np.ndarray,
+    cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None,
+) -> Mesh:
+    """A Mesh from what a caller hands over; see ``smooth``."""
+    if not isinstance(mesh, np.ndarray):
+        return from_meshio(mesh)
+    if cells is None:
+        raise UsageError("cells: needed when points are given")
+    if mesh.ndim != 2 or mesh.shape[1] not in (2, 3):
+        raise UsageError(f"points: shape {mesh.shape} is not (N, 2) or (N, 3)")
+    pairs = cells.items() if isinstance(cells, Mapping) else cells
+    return Mesh(np.array(mesh, dtype=np.float64), [Cells(name, np.asarray(array)) for name, array in pairs])

@@ -1,0 +1,87 @@
+"""How to smooth: all options of ``dvr smooth`` and ``smooth``, checked as far as that needs no mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dvr_cli.errors import UsageError
+from dvr_cli.files.arrays import read_directions
+from dvr_cli.relax.choice import checked_threads, chosen_engine
+from dvr_cli.relax.directions import Entry, check_name
+from dvr_cli.relax.schedule import ORDERS
+from dvr_cli.relax.stopping import Stopping
+
+Directions = str | np.ndarray | Sequence[str | np.ndarray]
+
+
+@dataclass(frozen=True)
+class SmoothOptions:
+    """How to relax; the fields are those of ``dvr smooth --help``.
+
+    directions: comma-separated names, an array (N, d) or (K, N, d), or a list of these, one a sweep, cycled.
+    center, axis: for "circumferential" and "radial"; default the centroid of the points and the z axis.
+    order: "coloured", "natural" or "shuffled". seed: for random directions and the shuffled order.
+    straighten: take curved second-order cells as straight. stopping: when to stop.
+    engine: "auto", "numpy" or "numba"; threads: by default all cores. Neither changes the result.
+    """
+
+    directions: Directions = "random"
+    center: Sequence[float] | None = None
+    axis: Sequence[float] | None = None
+    order: str = "coloured"
+    seed: int = 0
+    straighten: bool = False
+    engine: str = "auto"
+    threads: int | None = None
+    stopping: Stopping = field(default_factory=Stopping)
+
+    def __post_init__(self) -> None:
+        """Check what can be checked without a mesh; raises UsageError, InputError for an unreadable array."""
+        if self.order not in ORDERS:
+            raise UsageError(f"order: unknown {self.order!r}; known: {', '.join(ORDERS)}")
+        if not 0 <= self.seed < 2**64:
+            raise UsageError("seed: must be between 0 and 2^64 - 1")
+        chosen_engine(self.engine, 0, 0)
+        checked_threads(self.threads)
+        for entry in self.entries:
+            if isinstance(entry, str):
+                check_name(entry)
+
+    @cached_property
+    def entries(self) -> list[Entry]:
+        """The directions as a list; arrays named by "file:PATH" are read, once."""
+        result: list[Entry] = []
+        for item in self._given():
+            if not isinstance(item, str):
+                result.append(item)
+                continue
+            for name in item.split(","):
+                name = name.strip()
+                path = name.removeprefix("file:")
+                result.append(name if path == name else (name, read_directions(Path(path))))
+        return result
+
+    def _given(self) -> Sequence[str | np.ndarray]:
+        return [self.directions] if isinstance(self.directions, str | np.ndarray) else self.directions
+
+    def record(self) -> dict[str, Any]:
+        """The options as JSON-ready data."""
+        return {
+            "directions": ",".join(d if isinstance(d, str) else f"array{d.shape}" for d in self._given()),
+            "center": None if self.center is None else [float(c) for c in self.center],
+            "axis": None if self.axis is None else [float(a) for a in self.axis],
+            "order": self.order,
+            "seed": int(self.seed),
+            "straighten": bool(self.straighten),
+            "max_iterations": int(self.stopping.max_iterations),
+            "tol": float(self.stopping.tol),
+            "patience": int(self.stopping.patience),
+            "target": None if self.stopping.target is None else float(self.stopping.target),
+            "time_limit": None if self.stopping.time_limit is None else float(self.stopping.time_limit),
+        }

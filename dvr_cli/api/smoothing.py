@@ -1,0 +1,105 @@
+"""Smoothing from a mesh to new points and a report: domain, problem, sweeps, what the output keeps."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Protocol
+
+import numpy as np
+
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.errors import OutputError
+from dvr_cli.mesh.domain import Domain, domain_of
+from dvr_cli.mesh.freedom import interior_freedom
+from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.relax.choice import checked_threads, chosen_engine, make_engine
+from dvr_cli.relax.directions import direction_field, restricted
+from dvr_cli.relax.problem import build_problem
+from dvr_cli.relax.sweeps import Sweep, relax
+from dvr_cli.report.quality import Quality, measure
+from dvr_cli.report.records import SmoothReport, summarise
+
+
+class Storage(Protocol):
+    """Where the result will be kept: what becomes of coordinates there, and whether that can be bettered."""
+
+    def stored(self, points: np.ndarray) -> np.ndarray:
+        """The coordinates as they will be read back."""
+
+    def widen(self) -> bool:
+        """Keep coordinates in float64 from now on; False if they are already or cannot be."""
+
+
+def smooth_mesh(
+    mesh: Mesh,
+    options: SmoothOptions,
+    storage: Storage | None = None,
+    on_sweep: Callable[[Sweep], None] | None = None,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> tuple[np.ndarray, SmoothReport]:
+    """Relax a Mesh; returns its new points (N, 2|3) and the report.
+
+    storage: where the result goes; the points returned and the report's final qualities are those kept there.
+    on_sweep, interrupted: see ``sweeps.relax``.
+
+    Raises OutputError if rounding in the storage would make the mesh worse than it was.
+    """
+    engine_name = chosen_engine(options.engine, len(mesh.points), options.stopping.max_iterations)
+    compiled = engine_name == "numba"
+    domain = domain_of(mesh, options.straighten, compiled)
+    freedom = interior_freedom(domain.interior, domain.dimension)
+    relaxed = freedom.relaxed
+    directions = direction_field(
+        options.entries, domain, mesh.point_data, options.seed, options.center, options.axis
+    )
+    directions = restricted(directions, freedom)
+    before = measure(domain, mesh.points, relaxed)
+    begin = time.perf_counter()
+    problem = build_problem(domain.corners, relaxed, domain.points, options.order, options.seed, compiled)
+    engine = make_engine(engine_name, problem, checked_threads(options.threads))
+    outcome = relax(engine, domain.points, directions, options.stopping, on_sweep, interrupted)
+    seconds = time.perf_counter() - begin
+    points, stopped_because = domain.lift(mesh.points, outcome.points), outcome.stopped_because
+    if domain.is_tilted and _worse(measure(domain, points, relaxed), before):
+        points, stopped_because = mesh.points.copy(), "rounding"
+    points, after = _kept(domain, points, relaxed, before, storage)
+    report = SmoothReport(
+        mesh=summarise(mesh, domain),
+        relaxed=len(relaxed),
+        before=before,
+        after=after,
+        sweeps=[asdict(sweep) for sweep in outcome.sweeps],
+        stopped_because=stopped_because,
+        seconds=seconds,
+        engine=engine.name,
+        threads=engine.threads,
+        options=options.record(),
+    )
+    return points, report
+
+
+def _kept(
+    domain: Domain, points: np.ndarray, relaxed: np.ndarray, before: Quality, storage: Storage | None
+) -> tuple[np.ndarray, Quality]:
+    """The points as the storage keeps them, and their quality, which is not below that of the input."""
+    if storage is None:
+        return points, measure(domain, points, relaxed)
+    kept = storage.stored(points)
+    after = measure(domain, kept, relaxed)
+    if _worse(after, before) and storage.widen():
+        kept = storage.stored(points)
+        after = measure(domain, kept, relaxed)
+    if _worse(after, before):
+        raise OutputError(
+            f"rounding the coordinates as the output stores them would lower Q1 from {before.q1:.6g} to "
+            f"{after.q1:.6g}; choose a format with 64-bit coordinates"
+        )
+    return kept, after
+
+
+def _worse(after: Quality, before: Quality) -> bool:
+    if after.q1 is None or before.q1 is None:
+        return False
+    return after.inverted > before.inverted or after.q1 < before.q1

@@ -1,0 +1,44 @@
+"""Freedom: how far each vertex may move without changing the shape of the domain, a region or a group."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """The directions in which each vertex may move.
+
+    dimension: (N,) uint8; 0 keeps a vertex in place, 1 lets it move along a line, 2 in a plane, 3 anywhere
+        (in a planar mesh 2 is anywhere).
+    axis: (N, d) unit vectors: the tangent of the line, the normal of the plane; zero for other vertices.
+    """
+
+    dimension: np.ndarray
+    axis: np.ndarray
+
+    @property
+    def relaxed(self) -> np.ndarray:
+        """(m,) the vertices that may move, in index order: I_R."""
+        return np.flatnonzero(self.dimension)
+
+    def only(self, chosen: np.ndarray) -> Freedom:
+        """The same, with all vertices but those marked in ``chosen`` ((N,) bool) kept in place."""
+        return Freedom(np.where(chosen, self.dimension, np.uint8(0)), self.axis)
+
+    def restrict(self, vectors: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+        """The part of ``vectors`` (m, d) that lies in the line or plane of each of ``vertices`` (m,).
+
+        A component that has to vanish is zero exactly where the line or plane is parallel to the axes.
+        """
+        dimension, axis = self.dimension[vertices], self.axis[vertices]
+        along = (vectors * axis).sum(axis=1, keepdims=True) * axis
+        inside = np.where((dimension == 1)[:, None], along, vectors - along)
+        return np.where((dimension > 0)[:, None], inside, 0.0)
+
+
+def interior_freedom(interior: np.ndarray, d: int) -> Freedom:
+    """All vertices marked in ``interior`` ((N,) bool) move anywhere in d dimensions, all others stay."""
+    return Freedom(np.where(interior, np.uint8(d), np.uint8(0)), np.zeros((len(interior), d)))
