@@ -14,7 +14,7 @@ import numpy as np
 
 from dvr_cli.errors import InputError
 from dvr_cli.mesh.corners import DIMENSION, Corners, corners_of
-from dvr_cli.mesh.facets import Facets, facets_of
+from dvr_cli.mesh.interior import enclosed
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.orientation import mirrored_cells, with_mirrored
 from dvr_cli.mesh.plane import Plane, plane_of
@@ -108,10 +108,9 @@ def domain_of(mesh: Mesh, straighten: bool = False, compiled: bool = False) -> D
                 "the surface is not planar: dvr relaxes planar and volume meshes, not curved surfaces"
             )
         points = plane.flatten(mesh.points)
-    facets = facets_of(stored, compiled)
     as_stored = corners_of(stored, dimension)
     measures = np.add.reduceat(corner_measures(points, as_stored), as_stored.first[:-1])
-    mirrored = mirrored_cells(measures, facets)
+    mirrored = mirrored_cells(measures, stored, compiled)
     cells = with_mirrored(stored, mirrored)
     region = regions_of(mesh, chosen)
     return Domain(
@@ -120,7 +119,7 @@ def domain_of(mesh: Mesh, straighten: bool = False, compiled: bool = False) -> D
         cell_ids=np.concatenate([np.arange(first[b], first[b + 1]) for b in chosen]),
         corners=corners_of(cells, dimension) if mirrored.any() else as_stored,
         region=region,
-        interior=_interior(linear, chosen, facets, region, len(mesh.points)),
+        interior=_interior(linear, stored, chosen, region, len(mesh.points)),
         mirrored=int(mirrored.sum()),
         plane=plane,
         mids=mids,
@@ -129,17 +128,10 @@ def domain_of(mesh: Mesh, straighten: bool = False, compiled: bool = False) -> D
 
 
 def _interior(
-    cells: list[Cells], chosen: list[int], facets: Facets, region: np.ndarray, n_points: int
+    cells: list[Cells], stored: list[Cells], chosen: list[int], region: np.ndarray, n_points: int
 ) -> np.ndarray:
-    interior = _used([cells[b] for b in chosen], n_points)
-    begin = facets.start[:-1]
-    inside = facets.shared_by == 2
-    if region.any():
-        pair = begin[inside]
-        one, other = (facets.owner[facets.order[place]] for place in (pair, pair + 1))
-        inside[inside] = region[one] == region[other]
-    outer = facets.sides[facets.order[begin[~inside]]]
-    interior[outer[outer >= 0]] = False
+    """(N,) bool: vertices inside one region that no cell of lower dimension holds."""
+    interior = enclosed(stored, region, n_points)
     for b, block in enumerate(cells):
         if b not in chosen:
             interior[block.vertices] = False

@@ -7,7 +7,6 @@ from scipy.sparse.csgraph import connected_components
 
 import oracle
 from dvr_cli.mesh.domain import domain_of
-from dvr_cli.mesh.facets import facets_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.orientation import connected_parts, mirrored_cells
 from dvr_cli.quality.mean_ratio import element_qualities
@@ -138,18 +137,18 @@ def test_given_cells_are_never_altered(kind):
 def test_a_part_without_orientation_stays_as_stored():
     """A Möbius strip of five triangles."""
     strip = (np.arange(5)[:, None] + np.arange(3)) % 5
-    facets = facets_of([Cells("triangle", strip)])
+    blocks = [Cells("triangle", strip)]
     for number in range(32):
         signs = np.array([1.0 if number >> bit & 1 else -1.0 for bit in range(5)])
         if len(set(signs)) == 2:
-            assert not mirrored_cells(signs, facets).any()
+            assert not mirrored_cells(signs, blocks).any()
 
 
 def test_the_sign_of_a_part_is_that_of_its_measure():
     """Two triangles stored alike, of different sign: the larger one says which way is positive."""
-    facets = facets_of([Cells("triangle", np.array([[0, 1, 2], [2, 1, 3]]))])
-    assert mirrored_cells(np.array([2.0, -1.0]), facets).tolist() == [False, False]
-    assert mirrored_cells(np.array([1.0, -2.0]), facets).tolist() == [True, True]
+    blocks = [Cells("triangle", np.array([[0, 1, 2], [2, 1, 3]]))]
+    assert mirrored_cells(np.array([2.0, -1.0]), blocks).tolist() == [False, False]
+    assert mirrored_cells(np.array([1.0, -2.0]), blocks).tolist() == [True, True]
 
 
 @pytest.mark.parametrize("edges", [0, 30, 100, 300])
