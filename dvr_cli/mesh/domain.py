@@ -40,6 +40,7 @@ class Domain:
     plane: the plane of a two-dimensional mesh, None for a volume mesh.
     mids: the nodes of second-order cells that follow their corners, None if there are none.
     straighten: whether those that move lose their offset from the straight edge or face.
+    compiled: whether compiled code is used for it; the results are the same.
     """
 
     points: np.ndarray
@@ -52,6 +53,7 @@ class Domain:
     plane: Plane | None
     mids: MidNodes | None
     straighten: bool
+    compiled: bool
 
     @property
     def dimension(self) -> int:
@@ -108,13 +110,14 @@ def domain_of(mesh: Mesh, straighten: bool = False, compiled: bool = False) -> D
                 "the surface is not planar: dvr relaxes planar and volume meshes, not curved surfaces"
             )
         points = plane.flatten(mesh.points)
+    points = np.ascontiguousarray(points, dtype=np.float64)
     as_stored = corners_of(stored, dimension)
-    measures = np.add.reduceat(corner_measures(points, as_stored), as_stored.first[:-1])
+    measures = np.add.reduceat(corner_measures(points, as_stored, compiled), as_stored.first[:-1])
     mirrored = mirrored_cells(measures, stored, compiled)
     cells = with_mirrored(stored, mirrored)
     region = regions_of(mesh, chosen)
     return Domain(
-        points=np.ascontiguousarray(points, dtype=np.float64),
+        points=points,
         cells=cells,
         cell_ids=np.concatenate([np.arange(first[b], first[b + 1]) for b in chosen]),
         corners=corners_of(cells, dimension) if mirrored.any() else as_stored,
@@ -124,6 +127,7 @@ def domain_of(mesh: Mesh, straighten: bool = False, compiled: bool = False) -> D
         plane=plane,
         mids=mids,
         straighten=straighten,
+        compiled=compiled,
     )
 
 

@@ -46,11 +46,15 @@ def opposite_normal(ends: Sequence[Components]) -> list[np.ndarray]:
     return cross(a, subtract(ends[2], ends[0]))
 
 
-def corner_measures(points: np.ndarray, corners: Corners) -> np.ndarray:
+def corner_measures(points: np.ndarray, corners: Corners, compiled: bool = False) -> np.ndarray:
     """Determinant of the edges of every corner (d! times its simplex's measure): (C,) float64.
 
-    points: (N, d) coordinates.
+    points: (N, d) coordinates. compiled: use compiled code; the result is the same.
     """
+    if compiled:
+        from dvr_cli.mesh.compiled import determinants
+
+        return determinants(points, corners.vertices)
     measure = np.empty(len(corners.vertices))
     for chunk in chunks(len(measure)):
         measure[chunk] = edges_and_determinant(points, corners.vertices[chunk])[1]

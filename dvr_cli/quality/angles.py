@@ -13,17 +13,21 @@ from dvr_cli.mesh.simplex import Components, chunks, cross, dot, subtract
 _NEAR = 1e-9  # cosines this near to the extreme one are looked at exactly
 
 
-def extreme_angles(points: np.ndarray, blocks: list[Cells]) -> tuple[float, float]:
+def extreme_angles(points: np.ndarray, blocks: list[Cells], compiled: bool = False) -> tuple[float, float]:
     """Smallest and largest angle in degrees over all cells of the blocks, in [0, 360) and [0, 180] resp.
 
     points: (N, d). In 2D the interior angles of triangles and quadrilaterals, in 3D the dihedral angles
     between the faces of each cell; a face with four vertices counts with its mean normal. An angle next to
     an edge or a face without extent is left out; (nan, nan) when nothing is left.
+    compiled: use compiled code; the result is the same.
     """
     low, high = np.inf, -np.inf
     for block in blocks:
-        for chunk in chunks(len(block.vertices)):
-            vertices = block.vertices[chunk]
+        candidates = block.vertices
+        if compiled and points.shape[1] == 3:
+            candidates = candidates[_with_extreme_cosines(points, block)]
+        for chunk in chunks(len(candidates)):
+            vertices = candidates[chunk]
             if points.shape[1] == 2:
                 angles = _interior_angles(points, vertices)
             else:
@@ -46,6 +50,23 @@ def _interior_angles(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     return np.where(onward.any(axis=-1) & back.any(axis=-1), angle, np.nan).ravel()
 
 
+def _with_extreme_cosines(points: np.ndarray, block: Cells) -> np.ndarray:
+    """The few cells of a block that may have its smallest or largest dihedral angle."""
+    from dvr_cli.quality.compiled import extreme_cosines
+
+    faces = FACETS[block.type]
+    padded = np.array([[*face, face[-1]][:4] for face in faces])
+    pairs = np.array([(i, j) for i in range(len(faces)) for j in range(i) if _neighbours(faces[i], faces[j])])
+    low, high = extreme_cosines(points, block.vertices, padded, pairs)
+    return np.flatnonzero(
+        (low <= low.min(initial=np.inf) + _NEAR) | (high >= high.max(initial=-np.inf) - _NEAR)
+    )
+
+
+def _neighbours(face: tuple[int, ...], other: tuple[int, ...]) -> bool:
+    return len(set(face) & set(other)) == 2
+
+
 def _extreme_dihedral_angles(
     points: np.ndarray, vertices: np.ndarray, cell_type: str
 ) -> Iterator[np.ndarray]:
@@ -55,7 +76,7 @@ def _extreme_dihedral_angles(
     lengths = [np.sqrt(dot(normal, normal)) for normal in normals]
     for i, face in enumerate(FACETS[cell_type]):
         for j, other in enumerate(FACETS[cell_type][:i]):
-            if len(set(face) & set(other)) != 2:
+            if not _neighbours(face, other):
                 continue
             size = lengths[i] * lengths[j]
             cosine = np.divide(

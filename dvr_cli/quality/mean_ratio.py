@@ -34,13 +34,20 @@ def mean_ratio(v: np.ndarray, s: np.ndarray, dimension: int) -> np.ndarray:
     return np.divide(power, s, out=np.zeros_like(power), where=s > 0)
 
 
-def corner_qualities(points: np.ndarray, corners: Corners) -> np.ndarray:
+def corner_qualities(points: np.ndarray, corners: Corners, compiled: bool = False) -> np.ndarray:
     """Mean ratio of every corner: (C,) float64.
 
-    points: (N, d) coordinates.
+    points: (N, d) coordinates. compiled: use compiled code; the result is the same.
     """
     d = corners.dimension
     table = SHAPES[d].norm
+    if compiled:
+        from dvr_cli.quality.compiled import corner_terms
+
+        # allocated here: NumPy is slow with the type of arrays that come from numba
+        v, s = np.empty(len(corners.vertices)), np.empty(len(corners.vertices))
+        corner_terms(points, corners.vertices, corners.shapes, table, v, s)
+        return mean_ratio(v, s, d)
     quality = np.empty(len(corners.vertices))
     for chunk in chunks(len(quality)):
         edges, v = edges_and_determinant(points, corners.vertices[chunk])

@@ -5,7 +5,38 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.jit import compiled
+from dvr_cli.quality.compiled import corner_terms_2d, corner_terms_3d
 from dvr_cli.relax.kernel import badness
+
+
+@compiled
+def along_curve(
+    vertices: np.ndarray, shapes: np.ndarray, moves: np.ndarray, number: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and shapes of the corners with a vertex that moves; see ``problem._along_curve``."""
+    n, width = vertices.shape
+    smallest = np.full(n, -1, dtype=np.int32)
+    place = np.zeros(len(number) + 1, dtype=np.int64)
+    for c in range(n):
+        least, touched = number[vertices[c, 0]], False
+        for k in range(width):
+            least = min(least, number[vertices[c, k]])
+            touched = touched or moves[vertices[c, k]]
+        if touched:
+            smallest[c] = least
+            place[least + 1] += 1
+    for i in range(len(number)):
+        place[i + 1] += place[i]
+    new_vertices = np.empty((place[-1], width), dtype=np.int32)
+    new_shapes = np.empty((place[-1], width), dtype=np.uint8)
+    for c in range(n):
+        if smallest[c] >= 0:
+            to = place[smallest[c]]
+            place[smallest[c]] += 1
+            for k in range(width):
+                new_vertices[to, k] = number[vertices[c, k]]
+                new_shapes[to, k] = shapes[c, k]
+    return new_vertices, new_shapes
 
 
 @compiled
@@ -47,39 +78,10 @@ def worst_corner(
     worst, largest = first, -1.0
     for c in range(first, last):
         if points.shape[1] == 2:
-            here = _corner_badness_2d(points, vertices[c], norm, shapes[c, 0])
+            v, s = corner_terms_2d(points, vertices[c], norm, shapes[c, 0])
         else:
-            here = _corner_badness_3d(points, vertices[c], norm, shapes[c, 0])
+            v, s = corner_terms_3d(points, vertices[c], norm, shapes[c, 0])
+        here = badness(v, s, points.shape[1])
         if here > largest:
             worst, largest = c, here
     return worst, largest
-
-
-@compiled
-def _corner_badness_2d(points: np.ndarray, corner: np.ndarray, norm: np.ndarray, k: int) -> float:
-    x, p, q = points[corner[0]], points[corner[1]], points[corner[2]]
-    e0, e1 = p[0] - x[0], p[1] - x[1]
-    f0, f1 = q[0] - x[0], q[1] - x[1]
-    v = e0 * (q[1] - p[1]) + e1 * -(q[0] - p[0])
-    s = norm[k, 0] * (e0 * e0 + e1 * e1)
-    s = s + norm[k, 1] * (f0 * f0 + f1 * f1)
-    s = s + norm[k, 2] * (e0 * f0 + e1 * f1)
-    return badness(v, s, 2)
-
-
-@compiled
-def _corner_badness_3d(points: np.ndarray, corner: np.ndarray, norm: np.ndarray, k: int) -> float:
-    x, p, q, r = points[corner[0]], points[corner[1]], points[corner[2]], points[corner[3]]
-    a0, a1, a2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-    b0, b1, b2 = r[0] - p[0], r[1] - p[1], r[2] - p[2]
-    e0, e1, e2 = p[0] - x[0], p[1] - x[1], p[2] - x[2]
-    f0, f1, f2 = q[0] - x[0], q[1] - x[1], q[2] - x[2]
-    g0, g1, g2 = r[0] - x[0], r[1] - x[1], r[2] - x[2]
-    v = e0 * (a1 * b2 - a2 * b1) + e1 * (a2 * b0 - a0 * b2) + e2 * (a0 * b1 - a1 * b0)
-    s = norm[k, 0] * (e0 * e0 + e1 * e1 + e2 * e2)
-    s = s + norm[k, 1] * (f0 * f0 + f1 * f1 + f2 * f2)
-    s = s + norm[k, 2] * (g0 * g0 + g1 * g1 + g2 * g2)
-    s = s + norm[k, 3] * (e0 * f0 + e1 * f1 + e2 * f2)
-    s = s + norm[k, 4] * (e0 * g0 + e1 * g1 + e2 * g2)
-    s = s + norm[k, 5] * (f0 * g0 + f1 * g1 + f2 * g2)
-    return badness(v, s, 3)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvr_cli.mesh.corners import Corners
+from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.curve import curve_order
 from dvr_cli.mesh.rings import Rings, rings_of
 from dvr_cli.relax.schedule import batches
@@ -54,21 +55,32 @@ def build_problem(
     compiled set-up, which gives the same problem.
     """
     n_points = len(points)
-    rings = rings_of(corners, relaxed, n_points, compiled)
     along_curve = curve_order(points)
     number = np.empty(n_points, dtype=np.int32)
     number[along_curve] = np.arange(n_points)
-    sets = batches(rings, n_points, order, seed, compiled)
-    parts = [members[np.argsort(number[rings.vertices[members]])] for members in sets]
-    sequence = np.concatenate([np.empty(0, dtype=np.int64), *parts])
-    rings = rings.permuted(sequence, compiled)
     moves = np.zeros(n_points, dtype=bool)
     moves[relaxed] = True
-    touched = moves[corners.vertices].any(axis=1)
+    touched = _along_curve(corners, moves, number, compiled)
+    vertices = np.sort(number[relaxed])
+    rings = rings_of(touched, vertices, n_points, compiled)
+    sequence = np.searchsorted(vertices, number[relaxed])
+    parts = batches(rings, n_points, order, seed, compiled, sequence)
     return Problem(
         order=along_curve,
-        rings=Rings(number[rings.vertices], rings.start, number[rings.others], rings.shapes),
+        rings=rings.permuted(np.concatenate([np.empty(0, dtype=np.int64), *parts]), compiled),
         batch_start=np.concatenate([[0], np.cumsum([len(part) for part in parts], dtype=np.int64)]),
-        touched=Corners(number[corners.vertices[touched]], corners.shapes[touched], corners.first[:1]),
+        touched=touched,
         dimension=corners.dimension,
     )
+
+
+def _along_curve(corners: Corners, moves: np.ndarray, number: np.ndarray, compiled: bool) -> Corners:
+    """The corners with a vertex that moves, vertices renumbered, in the order of their smallest ones."""
+    if compiled:
+        from dvr_cli.relax import compiled as fast
+
+        return Corners(*fast.along_curve(corners.vertices, corners.shapes, moves, number), corners.first[:1])
+    touched = np.flatnonzero(moves[corners.vertices].any(axis=1))
+    vertices = number[corners.vertices[touched]]
+    order = group(vertices.min(axis=1), len(number))[0]
+    return Corners(vertices[order], corners.shapes[touched[order]], corners.first[:1])

@@ -16,23 +16,32 @@ ORDERS = ("coloured", "natural", "shuffled")
 _COLOURS_AT_ONCE = 62  # colours looked at together, as the bits of a positive int64
 
 
-def batches(rings: Rings, n_points: int, order: str, seed: int, compiled: bool = False) -> list[np.ndarray]:
+def batches(
+    rings: Rings,
+    n_points: int,
+    order: str,
+    seed: int,
+    compiled: bool = False,
+    natural: np.ndarray | None = None,
+) -> list[np.ndarray]:
     """The batches of one sweep: arrays of positions in ``rings``, together each position once.
 
-    order: "natural" reproduces the one-by-one sequence of the paper's Algorithm 1 in the order of ``rings``;
-    "shuffled" the same for a random order drawn from ``seed`` (paper section 5.1, Fig. 11); "coloured" takes
-    greedy colours instead, which are far fewer and larger. Positions ascend within a batch.
+    order: "natural" reproduces the one-by-one sequence of the paper's Algorithm 1; "shuffled" the same for a
+    random order drawn from ``seed`` (paper section 5.1, Fig. 11); "coloured" takes greedy colours instead,
+    which are far fewer and larger. Positions ascend within a batch.
     compiled: use compiled code; the result is the same.
+    natural: (m,) the positions in the order of I_R; by default that of ``rings``.
     """
     m = len(rings.vertices)
+    natural = np.arange(m) if natural is None else natural
     number = np.full(n_points, -1, dtype=np.int32)
     number[rings.vertices] = np.arange(m)
     neighbours = number[rings.others]  # with repetitions, which do no harm below
     if order == "natural":
-        sequence = np.arange(m)
+        sequence = natural
     elif order == "shuffled":
         generator = np.random.Generator(np.random.Philox(key=np.array([seed, 0], dtype=np.uint64)))
-        sequence = generator.permutation(m)
+        sequence = natural[generator.permutation(m)]
     else:
         sequence = _scattered(m)
     if compiled:

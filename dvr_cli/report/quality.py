@@ -63,14 +63,14 @@ def measure(domain: Domain, points: np.ndarray, relaxed: np.ndarray, worst: int 
     """
     flat = domain.flatten(points)
     corners = domain.corners
-    by_corner = corner_qualities(flat, corners)
+    by_corner = corner_qualities(flat, corners, domain.compiled)
     elements = np.minimum.reduceat(by_corner, corners.first[:-1])
     moves = np.zeros(len(points), dtype=bool)
     moves[relaxed] = True
     touched = moves[corners.vertices].any(axis=1)
     minima = ring_minima(by_corner, corners, len(points))[relaxed]
     order = np.lexsort((relaxed, minima))
-    low, high = extreme_angles(flat, domain.cells)
+    low, high = extreme_angles(flat, domain.cells, domain.compiled)
     counts, _ = np.histogram(np.clip(elements, 0.0, 1.0), bins=HISTOGRAM_BINS, range=(0.0, 1.0))
     return Quality(
         q1=float(minima.min()) if len(relaxed) else None,
