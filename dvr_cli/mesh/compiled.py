@@ -55,38 +55,52 @@ def group(keys: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @compiled
-def ring_entries(
-    position: np.ndarray, vertices: np.ndarray, shapes: np.ndarray, origin_first: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Other vertices and shape of the corners at these flat positions, seen from the vertex there."""
-    width = vertices.shape[1]
-    others = np.empty((len(position), width - 1), dtype=np.int32)
-    shape = np.empty(len(position), dtype=np.uint8)
-    for i in range(len(position)):
-        corner, local = position[i] // width, position[i] % width
-        for j in range(1, width):
-            others[i, j - 1] = vertices[corner, origin_first[local, j]]
-        shape[i] = shapes[corner, local]
-    return others, shape
+def incidence(members: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As ``rings.incidence_of``: offsets, and corner and place in it of each entry, by vertex 0..n-1."""
+    start = np.zeros(n + 1, dtype=np.int64)
+    for c in range(len(members)):
+        for k in range(members.shape[1]):
+            if members[c, k] >= 0:
+                start[members[c, k] + 1] += 1
+    for i in range(n):
+        start[i + 1] += start[i]
+    fill = start[:-1].copy()
+    corner = np.empty(start[n], dtype=np.int32)
+    place = np.empty(start[n], dtype=np.int8)
+    for c in range(len(members)):
+        for k in range(members.shape[1]):
+            i = members[c, k]
+            if i >= 0:
+                corner[fill[i]], place[fill[i]] = c, k
+                fill[i] += 1
+    return start, corner, place
 
 
 @compiled
-def permuted_rings(
-    start: np.ndarray, others: np.ndarray, shapes: np.ndarray, order: np.ndarray
+def rings(
+    sequence: np.ndarray,
+    start: np.ndarray,
+    corner: np.ndarray,
+    place: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
+    origin_first: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Start, other vertices and shapes of the rings order[0], order[1], ... (see ``Rings.permuted``)."""
-    new_start = np.zeros(len(order) + 1, dtype=np.int64)
-    for i in range(len(order)):
-        new_start[i + 1] = new_start[i] + start[order[i] + 1] - start[order[i]]
-    new_others = np.empty((new_start[-1], others.shape[1]), dtype=others.dtype)
-    new_shapes = np.empty(new_start[-1], dtype=shapes.dtype)
-    for i in range(len(order)):
-        old, new = start[order[i]], new_start[i]
+    """As ``Incidence.rings``: offsets, other vertices and shapes of the rings, one after the other."""
+    width = vertices.shape[1]
+    new_start = np.zeros(len(sequence) + 1, dtype=np.int64)
+    for i in range(len(sequence)):
+        new_start[i + 1] = new_start[i] + start[sequence[i] + 1] - start[sequence[i]]
+    others = np.empty((new_start[-1], width - 1), dtype=np.int32)
+    shape = np.empty(new_start[-1], dtype=np.uint8)
+    for i in range(len(sequence)):
+        old, new = start[sequence[i]], new_start[i]
         for entry in range(new_start[i + 1] - new):
-            new_shapes[new + entry] = shapes[old + entry]
-            for j in range(others.shape[1]):
-                new_others[new + entry, j] = others[old + entry, j]
-    return new_start, new_others, new_shapes
+            c, own = corner[old + entry], place[old + entry]
+            for j in range(1, width):
+                others[new + entry, j - 1] = vertices[c, origin_first[own, j]]
+            shape[new + entry] = shapes[c, own]
+    return new_start, others, shape
 
 
 @compiled

@@ -34,33 +34,55 @@ class Rings:
         """(m,) number of corners in each ring."""
         return np.diff(self.start)
 
-    def permuted(self, order: np.ndarray, compiled: bool = False) -> Rings:
-        """The same rings with ring order[0] first, then order[1], ..."""
+
+@dataclass(frozen=True)
+class Incidence:
+    """Which corners contain which of m vertices.
+
+    vertices: (m,) int32, their point indices.
+    start: (m + 1,) int64, the entries of vertex i are start[i] .. start[i+1].
+    corner, place: (R,) the corner of each entry, ascending within a vertex; its place there, 0..d.
+    members: (C, d+1) int32, which of the m vertices those of each corner are, -1 for others.
+    """
+
+    vertices: np.ndarray
+    start: np.ndarray
+    corner: np.ndarray
+    place: np.ndarray
+    members: np.ndarray
+
+    def rings(self, corners: Corners, sequence: np.ndarray, compiled: bool = False) -> Rings:
+        """The rings of the vertices sequence[0], sequence[1], ... of the m.
+
+        compiled: use compiled code; the result is the same.
+        """
+        origin_first = ORIGIN_FIRST[corners.dimension]
         if compiled:
             from dvr_cli.mesh import compiled as fast
 
-            parts = fast.permuted_rings(self.start, self.others, self.shapes, order)
-            return Rings(self.vertices[order], *parts)
-        entries, start = row_entries(self.start, order)
-        return Rings(self.vertices[order], start, self.others[entries], self.shapes[entries])
+            parts = fast.rings(
+                sequence, self.start, self.corner, self.place, corners.vertices, corners.shapes, origin_first
+            )
+            return Rings(self.vertices[sequence], *parts)
+        entries, start = row_entries(self.start, sequence)
+        corner, place = self.corner[entries], self.place[entries]
+        others = corners.vertices[corner[:, None], origin_first[place][:, 1:]]
+        return Rings(self.vertices[sequence], start, others, corners.shapes[corner, place])
 
 
-def rings_of(corners: Corners, relaxed: np.ndarray, n_points: int, compiled: bool = False) -> Rings:
-    """The rings of the vertices ``relaxed`` ((m,) distinct point indices), in that order.
+def incidence_of(corners: Corners, vertices: np.ndarray, n_points: int, compiled: bool = False) -> Incidence:
+    """The incidence of ``vertices`` ((m,) distinct point indices).
 
     compiled: use compiled code; the result is the same.
     """
-    d = corners.dimension
     number = np.full(n_points, -1, dtype=np.int32)
-    number[relaxed] = np.arange(len(relaxed))
-    keys = number[corners.vertices.ravel()]
+    number[vertices] = np.arange(len(vertices))
+    members = number[corners.vertices]
     if compiled:
         from dvr_cli.mesh import compiled as fast
 
-        position, start = fast.group(keys, len(relaxed))
-        entries = fast.ring_entries(position, corners.vertices, corners.shapes, ORIGIN_FIRST[d])
-        return Rings(relaxed.astype(np.int32), start, *entries)
-    position, start = group(keys, len(relaxed))
-    corner, local = np.divmod(position, d + 1)
-    others = corners.vertices[corner[:, None], ORIGIN_FIRST[d][local][:, 1:]]
-    return Rings(relaxed.astype(np.int32), start, others, corners.shapes[corner, local])
+        start, corner, place = fast.incidence(members, len(vertices))
+    else:
+        position, start = group(members.ravel(), len(vertices))
+        corner, place = np.divmod(position, members.shape[1])
+    return Incidence(vertices.astype(np.int32), start, corner, place, members)

@@ -14,7 +14,7 @@ import numpy as np
 from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.curve import curve_order
-from dvr_cli.mesh.rings import Rings, rings_of
+from dvr_cli.mesh.rings import Rings, incidence_of
 from dvr_cli.relax.schedule import batches
 
 
@@ -62,12 +62,12 @@ def build_problem(
     moves[relaxed] = True
     touched = _along_curve(corners, moves, number, compiled)
     vertices = np.sort(number[relaxed])
-    rings = rings_of(touched, vertices, n_points, compiled)
-    sequence = np.searchsorted(vertices, number[relaxed])
-    parts = batches(rings, n_points, order, seed, compiled, sequence)
+    incidence = incidence_of(touched, vertices, n_points, compiled)
+    parts = batches(incidence, order, seed, compiled, np.searchsorted(vertices, number[relaxed]))
+    sequence = np.concatenate([np.empty(0, dtype=np.int64), *parts])
     return Problem(
         order=along_curve,
-        rings=rings.permuted(np.concatenate([np.empty(0, dtype=np.int64), *parts]), compiled),
+        rings=incidence.rings(touched, sequence, compiled),
         batch_start=np.concatenate([[0], np.cumsum([len(part) for part in parts], dtype=np.int64)]),
         touched=touched,
         dimension=corners.dimension,

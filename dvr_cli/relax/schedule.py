@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.mesh.csr import group, row_entries
-from dvr_cli.mesh.rings import Rings
+from dvr_cli.mesh.rings import Incidence
 
 ORDERS = ("coloured", "natural", "shuffled")
 
@@ -17,26 +17,19 @@ _COLOURS_AT_ONCE = 62  # colours looked at together, as the bits of a positive i
 
 
 def batches(
-    rings: Rings,
-    n_points: int,
-    order: str,
-    seed: int,
-    compiled: bool = False,
-    natural: np.ndarray | None = None,
+    incidence: Incidence, order: str, seed: int, compiled: bool = False, natural: np.ndarray | None = None
 ) -> list[np.ndarray]:
-    """The batches of one sweep: arrays of positions in ``rings``, together each position once.
+    """The batches of one sweep: arrays of positions among the relaxed vertices, together each
+    position once.
 
     order: "natural" reproduces the one-by-one sequence of the paper's Algorithm 1; "shuffled" the same for a
     random order drawn from ``seed`` (paper section 5.1, Fig. 11); "coloured" takes greedy colours instead,
     which are far fewer and larger. Positions ascend within a batch.
     compiled: use compiled code; the result is the same.
-    natural: (m,) the positions in the order of I_R; by default that of ``rings``.
+    natural: (m,) the positions in the order of I_R; by default 0, 1, ...
     """
-    m = len(rings.vertices)
+    m = len(incidence.start) - 1
     natural = np.arange(m) if natural is None else natural
-    number = np.full(n_points, -1, dtype=np.int32)
-    number[rings.vertices] = np.arange(m)
-    neighbours = number[rings.others]  # with repetitions, which do no harm below
     if order == "natural":
         sequence = natural
     elif order == "shuffled":
@@ -47,26 +40,31 @@ def batches(
     if compiled:
         from dvr_cli.relax import compiled as fast
 
-        label = (fast.colours if order == "coloured" else fast.levels)(rings.start, neighbours, sequence)
+        visit = fast.colours if order == "coloured" else fast.levels
+        label = visit(incidence.start, incidence.corner, incidence.members, sequence)
         positions, start = group(label, int(label.max(initial=-1)) + 1)
         return np.split(positions, start[1:-1]) if m else []
-    levels = _levels(rings.start, neighbours, sequence)
-    return _colours(rings.start, neighbours, levels) if order == "coloured" else levels
+    neighbours = incidence.members[incidence.corner]  # with repetitions and the vertex itself: no harm below
+    levels = _levels(incidence.start, neighbours, sequence)
+    return _colours(incidence.start, neighbours, levels) if order == "coloured" else levels
 
 
 def _scattered(m: int) -> np.ndarray:
-    """0..m-1 in a fixed order without pattern (splitmix64), so that dependency chains stay short."""
+    """0..m-1 in a fixed order of short dependency chains: in 16 rounds, each in ascending order.
+
+    To which round a number belongs is without pattern (splitmix64); ascending, as neighbours in memory are
+    then visited soon after each other.
+    """
     x = np.arange(m, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
     x = (x ^ x >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
     x = (x ^ x >> np.uint64(27)) * np.uint64(0x94D049BB133111EB)
-    x ^= x >> np.uint64(31)
-    return np.argsort(x, kind="stable")
+    return np.argsort((x >> np.uint64(60)).astype(np.uint8), kind="stable")
 
 
 def _levels(start: np.ndarray, neighbours: np.ndarray, sequence: np.ndarray) -> list[np.ndarray]:
     """Level sets of the dependency graph: a vertex comes after all its neighbours earlier in ``sequence``.
 
-    start, neighbours: rows of (R, d) neighbour numbers, -1 for vertices that are not relaxed.
+    start, neighbours: rows of (R, d+1) neighbour numbers, -1 for vertices that are not relaxed.
     """
     m = len(sequence)
     rank = np.empty(m, dtype=np.int64)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 import oracle
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.mesh.rings import incidence_of
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.vector import at_least, ring_minima
 from dvr_cli.relax.directions import direction_field
@@ -97,7 +98,9 @@ def test_natural_order_is_the_sequence_of_algorithm_1_bit_for_bit(kind):
     *_, together = states
     relaxed = np.flatnonzero(domain.interior)
     problem = build_problem(domain.corners, relaxed, domain.points, "natural")
-    rings = problem.rings.permuted(np.argsort(problem.relaxed))
+    vertices = problem.rings.vertices[np.argsort(problem.relaxed)]
+    incidence = incidence_of(problem.touched, vertices, len(mesh.points))
+    rings = incidence.rings(problem.touched, np.arange(len(relaxed)))
     one_by_one = replace(problem, rings=rings, batch_start=np.arange(len(relaxed) + 1))
     assert one_by_one.relaxed.tolist() == relaxed.tolist()
     engine = NumpyEngine(one_by_one)

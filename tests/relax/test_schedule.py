@@ -8,25 +8,25 @@ import pytest
 from dvr_cli.mesh.corners import corners_of
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells
-from dvr_cli.mesh.rings import Rings, rings_of
+from dvr_cli.mesh.rings import incidence_of
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.schedule import ORDERS, _scattered, batches
 from meshes import KINDS, delaunay, random_mesh
 
 
-def rings_of_mesh(mesh, seed=0):
-    """The rings of the interior vertices, in random order."""
+def incidence_of_mesh(mesh, seed=0):
+    """The incidence of the interior vertices, in random order."""
     domain = domain_of(mesh)
     relaxed = np.random.default_rng(seed).permutation(np.flatnonzero(domain.interior))
-    return rings_of(domain.corners, relaxed, len(mesh.points)), len(mesh.points)
+    return incidence_of(domain.corners, relaxed, len(mesh.points))
 
 
-def rings_of_graph(adjacent):
-    """Rings (of triangles with a common, fixed vertex) whose dependencies are the graph's edges."""
+def incidence_of_graph(adjacent):
+    """Triangles with a common, fixed vertex, one for each edge of the graph."""
     m = len(adjacent)
-    start = np.concatenate([[0], np.cumsum(adjacent.sum(axis=1))])
-    others = np.column_stack([np.nonzero(adjacent)[1], np.full(start[-1], m)]).astype(np.int32)
-    return Rings(np.arange(m, dtype=np.int32), start, others, np.zeros(len(others), dtype=np.uint8)), m + 1
+    triangles = np.column_stack([*np.nonzero(np.triu(adjacent)), np.full(np.triu(adjacent).sum(), m)])
+    corners = corners_of([Cells("triangle", triangles)], 2)
+    return incidence_of(corners, np.arange(m), m + 1)
 
 
 def random_graph(m, density, seed=0):
@@ -34,13 +34,14 @@ def random_graph(m, density, seed=0):
     return upper | upper.T
 
 
-def neighbours(rings):
-    """For each ring the positions of the rings whose vertices it shares a corner with."""
-    position = {vertex: i for i, vertex in enumerate(rings.vertices.tolist())}
-    return [
-        {position[v] for v in rings.others[lo:hi].ravel().tolist() if v in position}
-        for lo, hi in pairwise(rings.start.tolist())
-    ]
+def neighbours(incidence):
+    """For each vertex the others it shares a corner with."""
+    found = [set() for _ in incidence.vertices]
+    for corner in incidence.members.tolist():
+        here = {i for i in corner if i >= 0}
+        for i in here:
+            found[i] |= here - {i}
+    return found
 
 
 def batch_of(parts, m):
@@ -81,20 +82,20 @@ GRAPHS = {
     "clique of 130": CLIQUE,
 }
 PROBLEMS = {
-    **{kind: rings_of_mesh(random_mesh(kind, 1, n=6 if kind == "triangle" else 4)) for kind in KINDS},
-    "delaunay 2D": rings_of_mesh(delaunay(400, 2, 0)),
-    "delaunay 3D": rings_of_mesh(delaunay(200, 3, 0)),
-    **{name: rings_of_graph(graph) for name, graph in GRAPHS.items()},
+    **{kind: incidence_of_mesh(random_mesh(kind, 1, n=6 if kind == "triangle" else 4)) for kind in KINDS},
+    "delaunay 2D": incidence_of_mesh(delaunay(400, 2, 0)),
+    "delaunay 3D": incidence_of_mesh(delaunay(200, 3, 0)),
+    **{name: incidence_of_graph(graph) for name, graph in GRAPHS.items()},
 }
 
 
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_vertices_of_a_batch_share_no_corner(name, order):
-    rings, n_points = PROBLEMS[name]
-    parts = batches(rings, n_points, order, 0)
-    adjacent = neighbours(rings)
-    batch_of(parts, len(rings.vertices))  # all of I_R, each once
+    incidence = PROBLEMS[name]
+    parts = batches(incidence, order, 0)
+    adjacent = neighbours(incidence)
+    batch_of(parts, len(incidence.vertices))  # all of I_R, each once
     for part in parts:
         members = set(part.tolist())
         assert members
@@ -104,8 +105,8 @@ def test_vertices_of_a_batch_share_no_corner(name, order):
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_positions_ascend_within_a_batch(name, order):
-    rings, n_points = PROBLEMS[name]
-    for part in batches(rings, n_points, order, 0):
+    incidence = PROBLEMS[name]
+    for part in batches(incidence, order, 0):
         assert (np.diff(part) > 0).all()
 
 
@@ -113,21 +114,21 @@ def test_positions_ascend_within_a_batch(name, order):
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_the_compiled_schedule_is_the_same(name, order):
     pytest.importorskip("numba")
-    rings, n_points = PROBLEMS[name]
-    plain, compiled = (batches(rings, n_points, order, 5, compiled) for compiled in (False, True))
+    incidence = PROBLEMS[name]
+    plain, compiled = (batches(incidence, order, 5, compiled) for compiled in (False, True))
     assert [part.tolist() for part in compiled] == [part.tolist() for part in plain]
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_colours_are_those_of_a_sequential_greedy_colouring(name):
-    rings, n_points = PROBLEMS[name]
-    m = len(rings.vertices)
-    expected = greedy(neighbours(rings), _scattered(m).tolist())
-    assert batch_of(batches(rings, n_points, "coloured", 0), m) == expected
+    incidence = PROBLEMS[name]
+    m = len(incidence.vertices)
+    expected = greedy(neighbours(incidence), _scattered(m).tolist())
+    assert batch_of(batches(incidence, "coloured", 0), m) == expected
 
 
 def test_there_are_graphs_among_these_with_more_colours_than_bits():
-    counts = {name: len(batches(*PROBLEMS[name], "coloured", 0)) for name in PROBLEMS}
+    counts = {name: len(batches(PROBLEMS[name], "coloured", 0)) for name in PROBLEMS}
     assert counts["none"] == 1
     assert counts["path"] <= 3
     assert [counts[f"clique of {m}"] for m in (62, 63, 130)] == [62, 63, 130]
@@ -137,68 +138,66 @@ def test_there_are_graphs_among_these_with_more_colours_than_bits():
 def test_a_mesh_in_which_all_relaxed_vertices_share_a_corner():
     """70 vertices, each two of them in a triangle with a fixed one: one after the other is all there is."""
     triangles = np.array([(i, j, 70) for i, j in combinations(range(70), 2)])
-    rings = rings_of(corners_of([Cells("triangle", triangles)], 2), np.arange(70), 71)
+    incidence = incidence_of(corners_of([Cells("triangle", triangles)], 2), np.arange(70), 71)
     for order in ORDERS:
-        assert len(batches(rings, 71, order, 0)) == 70
-    assert np.concatenate(batches(rings, 71, "natural", 0)).tolist() == list(range(70))
+        assert len(batches(incidence, order, 0)) == 70
+    assert np.concatenate(batches(incidence, "natural", 0)).tolist() == list(range(70))
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_natural_order_is_that_of_the_relaxed_vertices(name):
     """Level sets: of two that share a corner the earlier in I_R comes first, and none waits without need."""
-    rings, n_points = PROBLEMS[name]
-    m = len(rings.vertices)
-    adjacent = neighbours(rings)
-    number = batch_of(batches(rings, n_points, "natural", 0), m)
+    incidence = PROBLEMS[name]
+    m = len(incidence.vertices)
+    adjacent = neighbours(incidence)
+    number = batch_of(batches(incidence, "natural", 0), m)
     assert all(number[i] < number[j] for j in range(m) for i in adjacent[j] if i < j)
     assert number == levels(adjacent, range(m))
 
 
 def test_natural_order_does_not_depend_on_the_seed():
-    rings, n_points = PROBLEMS["tetra"]
+    incidence = PROBLEMS["tetra"]
     for order in ("natural", "coloured"):
-        one, other = (batches(rings, n_points, order, seed) for seed in (0, 1))
+        one, other = (batches(incidence, order, seed) for seed in (0, 1))
         assert [part.tolist() for part in one] == [part.tolist() for part in other]
 
 
 @pytest.mark.parametrize("name", ["triangle", "tetra", "mixed3d", "sparse", "clique of 130"])
 def test_shuffled_order_is_drawn_from_the_seed(name):
-    rings, n_points = PROBLEMS[name]
-    m = len(rings.vertices)
-    numbers = [batch_of(batches(rings, n_points, "shuffled", seed), m) for seed in range(5)]
-    assert numbers == [batch_of(batches(rings, n_points, "shuffled", seed), m) for seed in range(5)]
+    incidence = PROBLEMS[name]
+    m = len(incidence.vertices)
+    numbers = [batch_of(batches(incidence, "shuffled", seed), m) for seed in range(5)]
+    assert numbers == [batch_of(batches(incidence, "shuffled", seed), m) for seed in range(5)]
     assert len({tuple(number) for number in numbers}) == 5
-    assert batch_of(batches(rings, n_points, "natural", 0), m) not in numbers
-    adjacent = neighbours(rings)
+    assert batch_of(batches(incidence, "natural", 0), m) not in numbers
+    adjacent = neighbours(incidence)
     for number in numbers:  # they are the level sets of an order: the one the batches themselves are in
         assert number == levels(adjacent, np.argsort(number, kind="stable").tolist())
 
 
 def test_shuffled_order_of_a_clique_is_a_uniform_permutation():
     """Nothing can be done at once, so that the batches are the permutation itself."""
-    rings, n_points = rings_of_graph(CLIQUE[:3, :3])
-    seen = [tuple(batch_of(batches(rings, n_points, "shuffled", seed), 3)) for seed in range(600)]
+    incidence = incidence_of_graph(CLIQUE[:3, :3])
+    seen = [tuple(batch_of(batches(incidence, "shuffled", seed), 3)) for seed in range(600)]
     counts = [seen.count(order) for order in set(seen)]
     assert len(counts) == 6
     assert 60 < min(counts) <= max(counts) < 140  # 100 expected; the bounds are 4.4 standard deviations off
 
 
 def test_seeds_beyond_63_bits_are_seeds_of_their_own():
-    rings, n_points = PROBLEMS["delaunay 3D"]
-    m = len(rings.vertices)
+    incidence = PROBLEMS["delaunay 3D"]
+    m = len(incidence.vertices)
     seeds = (0, 1, 2**63 - 1, 2**63, 2**63 + 1, 2**64 - 2, 2**64 - 1)
-    assert len({tuple(batch_of(batches(rings, n_points, "shuffled", seed), m)) for seed in seeds}) == len(
-        seeds
-    )
+    assert len({tuple(batch_of(batches(incidence, "shuffled", seed), m)) for seed in seeds}) == len(seeds)
 
 
 @pytest.mark.parametrize(("dimension", "n", "few"), [(2, 3000, 8), (3, 2000, 14)])
 def test_colours_are_few(dimension, n, few):
     """Fewer by far than the level sets of the natural order, hence larger batches."""
-    rings, n_points = rings_of_mesh(delaunay(n, dimension, 0))
-    coloured = batches(rings, n_points, "coloured", 0)
+    incidence = incidence_of_mesh(delaunay(n, dimension, 0))
+    coloured = batches(incidence, "coloured", 0)
     assert len(coloured) <= few
-    assert len(batches(rings, n_points, "natural", 0)) > 1.5 * len(coloured)
+    assert len(batches(incidence, "natural", 0)) > 1.5 * len(coloured)
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -215,14 +214,15 @@ def test_problem_stores_the_rings_in_the_order_of_the_batches(kind, order):
     mesh = random_mesh(kind, 1)
     domain = domain_of(mesh)
     relaxed = np.flatnonzero(domain.interior)
-    rings = rings_of(domain.corners, relaxed, len(mesh.points))
+    incidence = incidence_of(domain.corners, relaxed, len(mesh.points))
+    rings = incidence.rings(domain.corners, np.arange(len(relaxed)))
     problem = build_problem(domain.corners, relaxed, domain.points, order, 3)
     assert problem.dimension == domain.dimension
     assert sorted(problem.order.tolist()) == list(range(len(mesh.points)))
     assert sorted(problem.relaxed.tolist()) == relaxed.tolist()
     own = [sorted(problem.relaxed[lo:hi].tolist()) for lo, hi in pairwise(problem.batch_start)]
     if order != "coloured":  # which is free to number the vertices as it likes
-        parts = batches(rings, len(mesh.points), order, 3)
+        parts = batches(incidence, order, 3)
         assert own == [sorted(relaxed[part].tolist()) for part in parts]
     for lo, hi in pairwise(problem.batch_start):
         assert (np.diff(problem.rings.vertices[lo:hi]) > 0).all()  # along the curve within a batch
