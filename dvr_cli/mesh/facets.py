@@ -82,6 +82,14 @@ def facets_of(blocks: list[Cells], compiled: bool = False) -> Facets:
     return Facets(vertices, cell, order, np.append(np.flatnonzero(new), len(cell)))
 
 
+def numbered(rows: np.ndarray) -> np.ndarray:
+    """(n,) a number from 0 for each of ``rows`` ((n, w) point indices, -1 for none), equal for equal sets."""
+    order, new = _facet_order(rows)
+    number = np.empty(len(rows), dtype=np.int64)
+    number[order] = np.cumsum(new) - 1
+    return number
+
+
 def _facet_order(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """An order that puts facets with the same vertices together, and where in it a new one begins."""
     rows = np.sort(vertices, axis=1)

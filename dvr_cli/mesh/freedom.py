@@ -39,6 +39,15 @@ class Freedom:
         return np.where((dimension > 0)[:, None], inside, 0.0)
 
 
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """The rows of ``vectors`` (n, d) scaled to length one; zero rows stay zero."""
+    # scaled by the largest component first, so that no square over- or underflows
+    largest = np.abs(vectors).max(axis=1, keepdims=True)
+    scaled = np.divide(vectors, largest, out=np.zeros_like(vectors), where=largest > 0)
+    length = np.sqrt((scaled * scaled).sum(axis=1, keepdims=True))
+    return np.divide(scaled, length, out=np.zeros_like(vectors), where=length > 0)
+
+
 def interior_freedom(interior: np.ndarray, d: int) -> Freedom:
     """All vertices marked in ``interior`` ((N,) bool) move anywhere in d dimensions, all others stay."""
     return Freedom(np.where(interior, np.uint8(d), np.uint8(0)), np.zeros((len(interior), d)))

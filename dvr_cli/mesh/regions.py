@@ -53,7 +53,7 @@ def regions_of(mesh: Mesh, blocks: list[int]) -> np.ndarray:
     """(n,) a number for each cell of the given blocks, equal where all region tags are equal."""
     n = sum(len(mesh.cells[b].vertices) for b in blocks)
     region = np.zeros(n, dtype=np.int64)
-    for name in region_names(mesh):
+    for name in region_names(mesh) if blocks else ():
         tags = np.concatenate([np.asarray(mesh.cell_data[name][b]) for b in blocks])
         values, index = np.unique(tags, return_inverse=True)
         if len(values) > 1:

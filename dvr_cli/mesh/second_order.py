@@ -62,6 +62,16 @@ class MidNodes:
     weights: np.ndarray
     curved: int
 
+    def bent(self, points: np.ndarray, rounding: float, relative: float) -> np.ndarray:
+        """(m, w) the corners around those nodes that are farther than ``rounding``, or ``relative`` times the
+        size of their edge or face, from their straight place; points: (N, D).
+        """
+        around = points[self.corners]
+        place = (self.weights[:, :, None] * around).sum(axis=1)
+        size = np.ptp(around, axis=1).max(axis=1)
+        distance = np.linalg.norm(points[self.nodes] - place, axis=1)
+        return self.corners[distance > np.minimum(rounding, relative * size)]
+
     def carry(self, before: np.ndarray, after: np.ndarray, straighten: bool) -> None:
         """Move the nodes in ``after`` (N, D) as their corners moved since ``before``; others keep their bits.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.domain import Domain
-from dvr_cli.mesh.freedom import Freedom
+from dvr_cli.mesh.freedom import Freedom, unit
 
 # (sweep k from 0, coordinates (n, d) of the relaxed vertices, their indices (n,)) -> (n, d)
 DirectionField = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
@@ -27,15 +27,6 @@ def check_name(name: str) -> None:
     if name not in NAMES and not name.startswith("field:"):
         known = ", ".join(NAMES)
         raise UsageError(f"directions: unknown name {name!r}; known: {known}, file:PATH, field:NAME")
-
-
-def unit(vectors: np.ndarray) -> np.ndarray:
-    """The rows of ``vectors`` (n, d) scaled to length one; zero rows stay zero."""
-    # scaled by the largest component first, so that no square over- or underflows
-    largest = np.abs(vectors).max(axis=1, keepdims=True)
-    scaled = np.divide(vectors, largest, out=np.zeros_like(vectors), where=largest > 0)
-    length = np.sqrt((scaled * scaled).sum(axis=1, keepdims=True))
-    return np.divide(scaled, length, out=np.zeros_like(vectors), where=length > 0)
 
 
 def restricted(field: DirectionField, freedom: Freedom) -> DirectionField:

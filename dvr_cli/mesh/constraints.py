@@ -1,0 +1,167 @@
+"""Constraints: the facets, edges and vertices whose shape relaxation has to keep.
+
+Facets are kept that lie on the boundary, between regions, or under a cell of one dimension less; in a volume
+mesh also edges under a line cell. What a facet belongs to - the regions on its sides, the lower cells on it
+and their tags - is its label: where labels change, a physical group, a region or a named part ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvr_cli.mesh.corners import DIMENSION
+from dvr_cli.mesh.domain import Domain
+from dvr_cli.mesh.facets import facets_of, numbered
+from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.mesh.regions import regions_of
+from dvr_cli.mesh.second_order import linear_cells
+
+ROUNDING = 32 * np.finfo(float).eps  # times the largest coordinate: what vertices in one plane may be off it
+EXACT = 1e-9  # but not more than this times the size of a facet or an edge
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """What has to keep its shape.
+
+    facets: (F, w) vertices in positive order, shorter rows end in -1: edges of a planar mesh, faces of a
+        volume mesh; seen from outside on the boundary, from the higher region on an interface.
+    label: (F,) equal for facets that belong to the same.
+    two_sided: (F,) bool, facets whose order means nothing, as one region is on both sides.
+    lines: (L, 2) the edges of a volume mesh that lie under line cells, each once. line_label: (L,) as label.
+    fixed: (N,) bool, vertices that stay for other reasons: vertex cells, periodic links, lower cells that are
+        no facet or edge of the mesh, curved facets.
+    rounding: how far rounding may have put a vertex off its plane or line.
+    """
+
+    facets: np.ndarray
+    label: np.ndarray
+    two_sided: np.ndarray
+    lines: np.ndarray
+    line_label: np.ndarray
+    fixed: np.ndarray
+    rounding: float
+
+
+def constraints_of(mesh: Mesh, domain: Domain, compiled: bool = False) -> Constraints:
+    """The constraints of a mesh and its domain; compiled: use compiled code, the result is the same."""
+    d, n_points = domain.dimension, len(mesh.points)
+    linear = linear_cells(mesh.cells)
+    sides = facets_of(domain.cells, compiled)
+    width = sides.sides.shape[1]
+    sheets, wires = [], []
+    fixed = np.zeros(n_points, dtype=bool)
+    fixed[mesh.periodic.ravel()] = True
+    for b, block in enumerate(linear):
+        rank = 1 if block.type == "line" else DIMENSION.get(block.type, 0)
+        if rank == d - 1 and block.vertices.shape[1] <= width:
+            sheets.append(b)
+        elif rank == 1:
+            wires.append(b)
+        elif rank < d:
+            fixed[block.vertices] = True
+
+    # whichever order the facets are in, take the same one of two: that of the lower region, or the first
+    first = np.minimum.reduceat(sides.order, sides.start[:-1])
+    last = np.maximum.reduceat(sides.order, sides.start[:-1])
+    shared = sides.shared_by
+    region = np.stack([domain.region[sides.owner[first]], domain.region[sides.owner[last]]], axis=1)
+    chosen = np.where(region[:, 1] < region[:, 0], last, first)
+    seen = sides.sides[chosen]
+    region.sort(axis=1)
+    region[shared == 1, 0] = -1
+    _fix(fixed, seen[shared > 2])
+    kept = (shared != 2) | (region[:, 0] != region[:, 1])
+
+    lower, tags = _rows(linear, sheets, width), regions_of(mesh, sheets)
+    under = _matched(lower, seen, n_points)
+    found = under >= 0
+    _fix(fixed, lower[~found])
+    kept[under[found]] = True
+    label = _labels(under[found], tags[found], region)
+    order = np.flatnonzero(kept)
+    order = order[np.argsort(chosen[order])]
+
+    lines, tags = _rows(linear, wires, 2), regions_of(mesh, wires)
+    edges, _ = edges_of(sides.sides[_touching(sides.sides, lines, n_points)])
+    under = _matched(lines, edges, n_points)
+    found = under >= 0
+    _fix(fixed, lines[~found])
+    marked = np.unique(under[found])
+    line_label = _labels(under[found], tags[found], np.zeros((len(edges), 1), dtype=np.int64))
+
+    rounding = ROUNDING * float(np.abs(mesh.points).max(initial=0.0))
+    if domain.mids is not None:
+        bent = domain.mids.bent(mesh.points, rounding, EXACT)
+        fixed[bent[~domain.interior[bent].any(axis=1)]] = True
+    return Constraints(
+        facets=seen[order],
+        label=label[order],
+        two_sided=((shared == 2) & (region[:, 0] == region[:, 1]))[order],
+        lines=edges[marked],
+        line_label=line_label[marked],
+        fixed=fixed,
+        rounding=rounding,
+    )
+
+
+def edges_of(facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The edges (E, 2) of each of the facets ((F, w), shorter rows end in -1), and which facet's (E,)."""
+    rows = np.arange(len(facets))
+    length = (facets >= 0).sum(axis=1)
+    edges, owner = [], []
+    for k in range(facets.shape[1]):
+        there = rows[k < length]
+        edges.append(np.stack([facets[there, k], facets[there, (k + 1) % length[there]]], axis=1))
+        owner.append(there)
+    return np.concatenate(edges), np.concatenate(owner)
+
+
+def _fix(fixed: np.ndarray, rows: np.ndarray) -> None:
+    fixed[rows[rows >= 0]] = True
+
+
+def _rows(cells: list[Cells], blocks: list[int], width: int) -> np.ndarray:
+    """(n, width) the vertices of these blocks, short rows filled up with -1."""
+    rows = [
+        np.pad(cells[b].vertices, ((0, 0), (0, width - cells[b].vertices.shape[1])), constant_values=-1)
+        for b in blocks
+    ]
+    return np.concatenate([np.empty((0, width), dtype=np.int64), *rows])
+
+
+def _touching(facets: np.ndarray, lines: np.ndarray, n_points: int) -> np.ndarray:
+    """(F,) bool: the facets with at least two vertices on the lines."""
+    on_line = np.zeros(n_points + 1, dtype=bool)  # the last is for -1
+    on_line[lines] = True
+    return on_line[facets].sum(axis=1) > 1
+
+
+def _matched(rows: np.ndarray, among: np.ndarray, n_points: int) -> np.ndarray:
+    """(n,) the first row of ``among`` with the same vertices as each of ``rows``, -1 if there is none."""
+    marked = np.zeros(n_points + 1, dtype=bool)
+    marked[rows] = True
+    marked[-1] = True
+    near = np.flatnonzero(marked[among].all(axis=1))
+    number = numbered(np.concatenate([rows, among[near]]))
+    place = np.full(len(number), -1)
+    place[number[len(rows) :][::-1]] = near[::-1]
+    return place[number[: len(rows)]]
+
+
+def _labels(under: np.ndarray, tags: np.ndarray, sides: np.ndarray) -> np.ndarray:
+    """(G,) a number for each of G facets or edges, equal for equal ``sides`` (G, k) and lower cells on it.
+
+    under: (n,) the facet or edge under each lower cell; tags: (n,) the number of the lower cell's tags.
+    """
+    pairs = np.unique(np.stack([under, tags], axis=1), axis=0)
+    nth = np.arange(len(pairs)) - np.searchsorted(pairs[:, 0], pairs[:, 0])
+    on = np.full((len(sides), nth.max(initial=0) + 1), -1)
+    on[pairs[:, 0], nth] = pairs[:, 1]
+    label = np.zeros(len(sides), dtype=np.int64)
+    for column in (*sides.T, *on.T):
+        values, index = np.unique(column, return_inverse=True)
+        label = np.unique(label * len(values) + index, return_inverse=True)[1]
+    return label
