@@ -17,6 +17,8 @@ from dvr_cli.relax.directions import Entry, check_name
 from dvr_cli.relax.schedule import ORDERS
 from dvr_cli.relax.stopping import Stopping
 
+BOUNDARIES = ("fixed", "slide")
+
 Directions = str | np.ndarray | Sequence[str | np.ndarray]
 
 
@@ -27,6 +29,8 @@ class SmoothOptions:
     directions: comma-separated names, an array (N, d) or (K, N, d), or a list of these, one a sweep, cycled.
     center, axis: for "circumferential" and "radial"; default the centroid of the points and the z axis.
     order: "coloured", "natural" or "shuffled". seed: for random directions and the shuffled order.
+    boundary: "fixed", or "slide": vertices of the boundary, of interfaces and of embedded cells move within
+        straight lines and planes.
     straighten: take curved second-order cells as straight. stopping: when to stop.
     engine: "auto", "numpy" or "numba"; threads: by default all cores. Neither changes the result.
     """
@@ -36,6 +40,7 @@ class SmoothOptions:
     axis: Sequence[float] | None = None
     order: str = "coloured"
     seed: int = 0
+    boundary: str = "fixed"
     straighten: bool = False
     engine: str = "auto"
     threads: int | None = None
@@ -45,6 +50,8 @@ class SmoothOptions:
         """Check what can be checked without a mesh; raises UsageError, InputError for an unreadable array."""
         if self.order not in ORDERS:
             raise UsageError(f"order: unknown {self.order!r}; known: {', '.join(ORDERS)}")
+        if self.boundary not in BOUNDARIES:
+            raise UsageError(f"boundary: unknown {self.boundary!r}; known: {', '.join(BOUNDARIES)}")
         if not 0 <= self.seed < 2**64:
             raise UsageError("seed: must be between 0 and 2^64 - 1")
         chosen_engine(self.engine, 0, 0)
@@ -78,6 +85,7 @@ class SmoothOptions:
             "axis": None if self.axis is None else [float(a) for a in self.axis],
             "order": self.order,
             "seed": int(self.seed),
+            "boundary": self.boundary,
             "straighten": bool(self.straighten),
             "max_iterations": int(self.stopping.max_iterations),
             "tol": float(self.stopping.tol),

@@ -11,8 +11,10 @@ import numpy as np
 
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.errors import OutputError
+from dvr_cli.mesh.constraints import constraints_of
 from dvr_cli.mesh.domain import Domain, domain_of
-from dvr_cli.mesh.freedom import interior_freedom
+from dvr_cli.mesh.features import features_of
+from dvr_cli.mesh.freedom import Freedom, interior_freedom
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.choice import checked_threads, chosen_engine, make_engine
 from dvr_cli.relax.directions import direction_field, restricted
@@ -49,7 +51,7 @@ def smooth_mesh(
     engine_name = chosen_engine(options.engine, len(mesh.points), options.stopping.max_iterations)
     compiled = engine_name == "numba"
     domain = domain_of(mesh, options.straighten, compiled)
-    freedom = interior_freedom(domain.interior, domain.dimension)
+    freedom = _freedom(mesh, domain, options.boundary, compiled)
     relaxed = freedom.relaxed
     directions = direction_field(
         options.entries, domain, mesh.point_data, options.seed, options.center, options.axis
@@ -78,6 +80,14 @@ def smooth_mesh(
         options=options.record(),
     )
     return points, report
+
+
+def _freedom(mesh: Mesh, domain: Domain, boundary: str, compiled: bool) -> Freedom:
+    """What each vertex may do when the boundary is treated as ``boundary`` says."""
+    if boundary == "slide":
+        constraints = constraints_of(mesh, domain, compiled)
+        return features_of(domain.points, domain.interior, constraints).freedom
+    return interior_freedom(domain.interior, domain.dimension)
 
 
 def _kept(

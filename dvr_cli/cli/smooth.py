@@ -74,6 +74,14 @@ def smooth(
     seed: Annotated[
         int, typer.Option(min=0, metavar="N", help="Seed of random directions and the shuffled order.")
     ] = 0,
+    boundary: Annotated[
+        Literal["fixed", "slide"],
+        typer.Option(
+            help="Whether vertices of the boundary, of interfaces and of embedded cells stay or slide along "
+            "straight lines and planes, so that every region and group keeps its shape.",
+            metavar="fixed|slide",
+        ),
+    ] = "fixed",
     engine: Annotated[
         Literal["auto", "numpy", "numba"],
         typer.Option(
@@ -107,7 +115,7 @@ def smooth(
     verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Print a line for each sweep.")] = False,
     debug: Debug = False,
 ) -> int:
-    """Improve a mesh by moving its interior vertices, each to where the worst element around it is best.
+    """Improve a mesh by moving its vertices, each to where the worst element around it is best.
 
     Q1, the worst quality that this can touch, never decreases. Ctrl-C ends early with the mesh reached.
     """
@@ -125,6 +133,7 @@ def smooth(
         axis=axis,
         order=order,
         seed=seed,
+        boundary=boundary,
         straighten=straighten,
         engine=engine,
         threads=threads,

@@ -188,8 +188,9 @@ def _snapped(axes: np.ndarray, bound: np.ndarray) -> np.ndarray:
     """Unit vectors with those within ``bound`` (n,) of a coordinate axis put on it, so that sliding there
     changes no bit of a coordinate that is to stay.
     """
-    on_axis = np.eye(axes.shape[1])[np.abs(axes).argmax(axis=1)]
-    near = np.abs(np.abs(axes) - on_axis).max(axis=1, initial=0.0) <= bound
+    largest = np.abs(axes).argmax(axis=1)[:, None] == np.arange(axes.shape[1])
+    on_axis = np.where(largest, np.sign(axes), 0.0)
+    near = np.abs(axes - on_axis).max(axis=1, initial=0.0) <= bound
     return np.where(near[:, None], on_axis, axes)
 
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+_PERPENDICULAR = 1e-9  # length below which what a unit vector has in a line or plane is rounding
+
 
 @dataclass(frozen=True)
 class Freedom:
@@ -29,14 +31,20 @@ class Freedom:
         return Freedom(np.where(chosen, self.dimension, np.uint8(0)), self.axis)
 
     def restrict(self, vectors: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-        """The part of ``vectors`` (m, d) that lies in the line or plane of each of ``vertices`` (m,).
+        """Directions (m, d), of unit length, along the part of unit ``vectors`` (m, d) that lies in the line
+        or plane of each of ``vertices`` (m,); zero where there is no such part but rounding.
 
         A component that has to vanish is zero exactly where the line or plane is parallel to the axes.
         """
-        dimension, axis = self.dimension[vertices], self.axis[vertices]
+        dimension, axis = self.dimension[vertices][:, None], self.axis[vertices]
         along = (vectors * axis).sum(axis=1, keepdims=True) * axis
-        inside = np.where((dimension == 1)[:, None], along, vectors - along)
-        return np.where((dimension > 0)[:, None], inside, 0.0)
+        inside = np.where(dimension == 1, along, vectors - along)
+        inside[(inside * inside).sum(axis=1) < _PERPENDICULAR**2] = 0.0
+        inside = unit(inside)
+        # once more: what is left across a plane is rounding, relative to a part that may have been short
+        across = (inside * axis).sum(axis=1, keepdims=True) * axis
+        inside = np.where(dimension == 1, inside, unit(inside - across))
+        return np.where(dimension > 0, inside, 0.0)
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:

@@ -33,7 +33,7 @@ def restricted(field: DirectionField, freedom: Freedom) -> DirectionField:
     """The part of a field that each vertex is free to follow, of unit length, or zero where there is none."""
     if not freedom.axis.any():
         return field
-    return lambda sweep, points, vertices: unit(freedom.restrict(field(sweep, points, vertices), vertices))
+    return lambda sweep, points, vertices: freedom.restrict(field(sweep, points, vertices), vertices)
 
 
 def random_field(dimension: int, n_points: int, seed: int) -> DirectionField:
