@@ -80,17 +80,15 @@ def constraints_of(mesh: Mesh, domain: Domain, compiled: bool = False) -> Constr
     found = under >= 0
     _fix(fixed, lower[~found])
     kept[under[found]] = True
-    label = _labels(under[found], tags[found], region)
     order = np.flatnonzero(kept)
     order = order[np.argsort(chosen[order])]
+    place = np.empty(len(seen), dtype=np.int64)
+    place[order] = np.arange(len(order))
+    label = _labels(place[under[found]], tags[found], region[order])
 
-    lines, tags = _rows(linear, wires, 2), regions_of(mesh, wires)
-    edges, _ = edges_of(sides.sides[_touching(sides.sides, lines, n_points)])
-    under = _matched(lines, edges, n_points)
-    found = under >= 0
-    _fix(fixed, lines[~found])
-    marked = np.unique(under[found])
-    line_label = _labels(under[found], tags[found], np.zeros((len(edges), 1), dtype=np.int64))
+    wire = _rows(linear, wires, 2)
+    lines, line_label, found = _lines(wire, regions_of(mesh, wires), sides.sides, n_points)
+    _fix(fixed, wire[~found])
 
     rounding = ROUNDING * float(np.abs(mesh.points).max(initial=0.0))
     if domain.mids is not None:
@@ -98,10 +96,10 @@ def constraints_of(mesh: Mesh, domain: Domain, compiled: bool = False) -> Constr
         fixed[bent[~domain.interior[bent].any(axis=1)]] = True
     return Constraints(
         facets=seen[order],
-        label=label[order],
+        label=label,
         two_sided=((shared == 2) & (region[:, 0] == region[:, 1]))[order],
-        lines=edges[marked],
-        line_label=line_label[marked],
+        lines=lines,
+        line_label=line_label,
         fixed=fixed,
         rounding=rounding,
     )
@@ -119,6 +117,23 @@ def edges_of(facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(edges), np.concatenate(owner)
 
 
+def _lines(
+    wire: np.ndarray, tags: np.ndarray, facets: np.ndarray, n_points: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The edges (L, 2) of the facets of all cells that lie under line cells ``wire`` (n, 2), their labels
+    (L,), and which of the line cells (n,) lie on an edge.
+    """
+    on_wire = np.zeros(n_points + 1, dtype=bool)  # the last is for -1
+    on_wire[wire] = True
+    near = on_wire[facets].sum(axis=1) > 1 if len(wire) else np.zeros(len(facets), dtype=bool)
+    edges, _ = edges_of(facets[near])
+    under = _matched(wire, edges, n_points)
+    found = under >= 0
+    marked, place = np.unique(under[found], return_inverse=True)
+    label = _labels(place, tags[found], np.zeros((len(marked), 1), dtype=np.int64))
+    return edges[marked], label, found
+
+
 def _fix(fixed: np.ndarray, rows: np.ndarray) -> None:
     fixed[rows[rows >= 0]] = True
 
@@ -130,13 +145,6 @@ def _rows(cells: list[Cells], blocks: list[int], width: int) -> np.ndarray:
         for b in blocks
     ]
     return np.concatenate([np.empty((0, width), dtype=np.int64), *rows])
-
-
-def _touching(facets: np.ndarray, lines: np.ndarray, n_points: int) -> np.ndarray:
-    """(F,) bool: the facets with at least two vertices on the lines."""
-    on_line = np.zeros(n_points + 1, dtype=bool)  # the last is for -1
-    on_line[lines] = True
-    return on_line[facets].sum(axis=1) > 1
 
 
 def _matched(rows: np.ndarray, among: np.ndarray, n_points: int) -> np.ndarray:

@@ -36,15 +36,18 @@ class Freedom:
 
         A component that has to vanish is zero exactly where the line or plane is parallel to the axes.
         """
-        dimension, axis = self.dimension[vertices][:, None], self.axis[vertices]
-        along = (vectors * axis).sum(axis=1, keepdims=True) * axis
-        inside = np.where(dimension == 1, along, vectors - along)
+        result = vectors.copy()
+        held = np.flatnonzero(self.dimension[vertices] < vectors.shape[1])
+        dimension, axis = self.dimension[vertices[held]][:, None], self.axis[vertices[held]]
+        along = (vectors[held] * axis).sum(axis=1, keepdims=True) * axis
+        inside = np.where(dimension == 1, along, vectors[held] - along)
         inside[(inside * inside).sum(axis=1) < _PERPENDICULAR**2] = 0.0
         inside = unit(inside)
         # once more: what is left across a plane is rounding, relative to a part that may have been short
         across = (inside * axis).sum(axis=1, keepdims=True) * axis
         inside = np.where(dimension == 1, inside, unit(inside - across))
-        return np.where(dimension > 0, inside, 0.0)
+        result[held] = np.where(dimension > 0, inside, 0.0)
+        return result
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
