@@ -71,8 +71,6 @@ def constraints_of(mesh: Mesh, domain: Domain, compiled: bool = False) -> Constr
     chosen = np.where(region[:, 1] < region[:, 0], last, first)
     seen = sides.sides[chosen]
     region.sort(axis=1)
-    region[shared == 1, 0] = -1
-    _fix(fixed, seen[shared > 2])
     kept = (shared != 2) | (region[:, 0] != region[:, 1])
 
     lower, tags = _rows(linear, sheets, width), regions_of(mesh, sheets)

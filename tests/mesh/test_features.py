@@ -7,6 +7,7 @@ from dvr_cli.mesh.constraints import constraints_of
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.features import features_of
 from dvr_cli.mesh.mesh import Cells, Mesh
+from gmsh_parts import part
 from meshes import KINDS, grid, random_mesh
 from needs import require
 
@@ -131,19 +132,49 @@ def test_an_embedded_sheet(d):
     assert (dimensions(mesh) == expected).all()
 
 
+def test_an_embedded_sheet_of_tetrahedra():
+    require("gmsh")
+    mesh = part("embedded")
+    x = mesh.points
+    on = np.unique(np.concatenate([b.vertices for b in mesh.cells if b.type == "triangle"]))
+    border = np.isclose(x[on, :2], 0.2) | np.isclose(x[on, :2], 0.8)
+    assert border.any(axis=1).sum() < len(on)
+    assert (dimensions(mesh)[on] == 2 - border.sum(axis=1)).all()
+
+
 @pytest.mark.parametrize("d", [2, 3])
-def test_a_slit(d):
-    """Its faces are doubled and open at x = 0; vertices on a face move within it, the front along itself."""
+def test_a_sheet_that_divides_a_region(d):
+    mesh = box(d)
+    cells = lower(mesh.points, mesh.points[:, -1] == 0.5)
+    mesh.cells.append(Cells("line" if d == 2 else "quad", cells))
+    expected = d - walls(mesh.points).sum(axis=1) - (mesh.points[:, -1] == 0.5)
+    assert (dimensions(mesh) == expected).all()
+
+
+def slit_box(d, doubled):
+    """A box whose lower half has its own copy of the marked vertices halfway up."""
     mesh = box(d)
     points, cells = mesh.points, mesh.cells[0].vertices
-    on = np.flatnonzero((points[:, -1] == 0.5) & (points[:, 0] < 0.5))
+    on = np.flatnonzero((points[:, -1] == 0.5) & doubled(points))
     copy = np.arange(len(points))
     copy[on] = len(points) + np.arange(len(on))
     above = points[cells].mean(axis=1)[:, -1] > 0.5
-    slit = Mesh(
-        np.vstack([points, points[on]]),
-        [Cells(mesh.cells[0].type, np.where(above[:, None], copy[cells], cells))],
-    )
+    both = np.where(above[:, None], copy[cells], cells)
+    return Mesh(np.vstack([points, points[on]]), [Cells(mesh.cells[0].type, both)])
+
+
+def test_halves_that_share_one_vertex():
+    middle = np.array([0.5, 0.5, 0.5])
+    mesh = slit_box(3, lambda x: (x != middle).any(axis=1))
+    expected = 3 - walls(mesh.points).sum(axis=1) - (mesh.points[:, 2] == 0.5)
+    expected[(mesh.points == middle).all(axis=1)] = 0
+    assert (dimensions(mesh) == expected).all()
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_slit(d):
+    """Its faces are doubled and open at x = 0; vertices on a face move within it, the front along itself."""
+    slit = slit_box(d, lambda x: x[:, 0] < 0.5)
     x = slit.points
     expected = d - walls(x).sum(axis=1)
     faces = (x[:, -1] == 0.5) & (x[:, 0] <= 0.5)
@@ -189,18 +220,49 @@ def test_vertices_that_stay():
     assert found[centre] == 0
 
 
-@pytest.mark.parametrize("size", [1e-3, 1e-6, 1e-9])
-def test_a_side_that_is_nearly_flat_is_not_flat(size):
+@pytest.mark.parametrize("size", [1e-3, 1e-9, 1e-13])
+@pytest.mark.parametrize("place", [(0.5, 0.5, 0), (0.5, 0.25, 0)])
+def test_a_side_that_is_nearly_flat_is_not_flat(size, place):
     mesh = box()
-    dent = np.flatnonzero((mesh.points == [0.5, 0.5, 0]).all(axis=1))[0]
-    mesh.points[dent, 2] += size
-    near = (np.abs(mesh.points[:, :2] - 0.5).max(axis=1) <= 0.25) & (mesh.points[:, 2] <= size)
-    assert near.sum() == 9
-    assert (dimensions(mesh)[near] == 0).all()
-    expected = 3 - walls(mesh.points).sum(axis=1)
-    assert (dimensions(mesh)[~near] == expected[~near]).all()
-    dimension = dimensions(mesh, angle=30)
-    assert (dimension[near] == 2).all()
+    near = np.abs(mesh.points - place).max(axis=1) <= 0.25
+    near &= mesh.points[:, 2] == 0
+    expected = np.where(near, 0, 3 - walls(mesh.points).sum(axis=1))
+    mesh.points[(mesh.points == place).all(axis=1), 2] += size
+    assert (dimensions(mesh) == expected).all()
+
+
+def test_sides_with_warped_faces_stay():
+    mesh = box()
+    top = mesh.points[:, 2] == 1
+    mesh.points[top, 2] += 1e-3 * (-1.0) ** np.arange(top.sum())  # neighbours up and down: all normals are z
+    assert (dimensions(mesh)[top] == 0).all()
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e-9, 1e-13])
+def test_an_edge_that_is_nearly_straight_is_not_straight(size):
+    mesh = box(2)
+    near = (mesh.points[:, 1] == 0) & (np.abs(mesh.points[:, 0] - 0.5) <= 0.25)
+    expected = np.where(near, 0, 2 - walls(mesh.points).sum(axis=1))
+    mesh.points[near & (mesh.points[:, 0] == 0.5), 1] = size
+    assert (dimensions(mesh) == expected).all()
+
+
+def test_planes_lost_in_rounding_stay():
+    mesh = random_mesh("tetra", 3)
+    on = walls(mesh.points).any(axis=1)
+    far = Mesh((mesh.points + 1e9) @ TURN.T, mesh.cells)
+    assert (dimensions(far) == np.where(on, 0, 3)).all()
+
+
+@pytest.mark.parametrize("kind", ["quad", "tetra"])
+def test_axes_are_exact_where_coordinates_are_so_but_for_rounding(kind):
+    mesh = random_mesh(kind, 1)
+    c, s = np.cos(np.pi / 2), np.sin(np.pi / 2)  # c is 6e-17
+    turn = np.eye(mesh.points.shape[1])
+    turn[:2, :2] = [[c, -s], [s, c]]
+    axis = features(Mesh(mesh.points @ turn.T, mesh.cells)).freedom.axis
+    assert axis.any()
+    assert set(np.unique(np.abs(axis))) == {0.0, 1.0}
 
 
 def bent_bar(kind, turn):
