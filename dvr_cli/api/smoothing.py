@@ -51,7 +51,7 @@ def smooth_mesh(
     engine_name = chosen_engine(options.engine, len(mesh.points), options.stopping.max_iterations)
     compiled = engine_name == "numba"
     domain = domain_of(mesh, options.straighten, compiled)
-    freedom = _freedom(mesh, domain, options.boundary, compiled)
+    freedom = _freedom(mesh, domain, options.boundary)
     relaxed = freedom.relaxed
     directions = direction_field(
         options.entries, domain, mesh.point_data, options.seed, options.center, options.axis
@@ -82,11 +82,10 @@ def smooth_mesh(
     return points, report
 
 
-def _freedom(mesh: Mesh, domain: Domain, boundary: str, compiled: bool) -> Freedom:
+def _freedom(mesh: Mesh, domain: Domain, boundary: str) -> Freedom:
     """What each vertex may do when the boundary is treated as ``boundary`` says."""
     if boundary == "slide":
-        constraints = constraints_of(mesh, domain, compiled)
-        return features_of(domain.points, domain.interior, constraints).freedom
+        return features_of(domain.points, domain.interior, constraints_of(mesh, domain)).freedom
     return interior_freedom(domain.interior, domain.dimension)
 
 

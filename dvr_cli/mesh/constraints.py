@@ -45,11 +45,11 @@ class Constraints:
     rounding: float
 
 
-def constraints_of(mesh: Mesh, domain: Domain, compiled: bool = False) -> Constraints:
-    """The constraints of a mesh and its domain; compiled: use compiled code, the result is the same."""
+def constraints_of(mesh: Mesh, domain: Domain) -> Constraints:
+    """The constraints of a mesh and its domain."""
     d, n_points = domain.dimension, len(mesh.points)
     linear = linear_cells(mesh.cells)
-    sides = facets_of(domain.cells, compiled)
+    sides = facets_of(domain.cells, domain.compiled)
     width = sides.sides.shape[1]
     sheets, wires = [], []
     fixed = np.zeros(n_points, dtype=bool)

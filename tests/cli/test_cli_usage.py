@@ -11,6 +11,7 @@ import pytest
 
 import dvr_cli
 from cli_support import assert_one_line, fan, listing
+from dvr_cli.api.options import BOUNDARIES
 from dvr_cli.relax.schedule import ORDERS
 
 
@@ -214,6 +215,13 @@ def test_the_orders_are_those_of_the_schedule(dvr, tmp_path):
         result = dvr("smooth", fan(tmp_path / "in.msh"), tmp_path / "out.msh", "--order", order)
         assert result.code == 0
     assert "|".join(ORDERS) in dvr("smooth", "--help").out
+
+
+def test_the_treatments_of_the_boundary_are_those_of_the_options(dvr, tmp_path):
+    for boundary in BOUNDARIES:
+        result = dvr("smooth", fan(tmp_path / "in.msh"), tmp_path / "out.msh", "--boundary", boundary)
+        assert result.code == 0
+    assert "|".join(BOUNDARIES) in dvr("smooth", "--help").out
 
 
 def test_the_version(dvr):

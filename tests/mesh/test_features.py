@@ -16,10 +16,10 @@ TURN = np.linalg.qr(np.random.default_rng(2).standard_normal((3, 3)))[0]
 TURN *= np.linalg.det(TURN)
 
 
-def features(mesh, angle=None, compiled=False):
+def features(mesh, angle=None):
     domain = domain_of(mesh)
     angle = None if angle is None else np.radians(angle)
-    return features_of(domain.points, domain.interior, constraints_of(mesh, domain, compiled), angle)
+    return features_of(domain.points, domain.interior, constraints_of(mesh, domain), angle)
 
 
 def dimensions(mesh, **options):
@@ -299,8 +299,7 @@ def test_compiled_set_up_finds_the_same(kind):
     mesh = random_mesh(kind, 2)
     rng = np.random.default_rng(0)
     mesh.cell_data["material"] = [rng.integers(0, 2, len(block.vertices)) for block in mesh.cells]
-    domain = domain_of(mesh)
-    one, other = (constraints_of(mesh, domain, compiled) for compiled in (False, True))
+    one, other = (constraints_of(mesh, domain_of(mesh, compiled=compiled)) for compiled in (False, True))
     for name in ("facets", "label", "two_sided", "lines", "line_label", "fixed"):
         assert np.array_equal(getattr(one, name), getattr(other, name)), name
 
