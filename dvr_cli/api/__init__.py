@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dvr_cli.api.options import Directions, SmoothOptions
+from dvr_cli.api.options import Directions, Names, SmoothOptions, Vertices
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.convert import from_meshio
@@ -38,6 +38,11 @@ def smooth(
     order: str = "coloured",
     seed: int = 0,
     boundary: str = "fixed",
+    fix: Names = (),
+    only: Names = (),
+    below: float | None = None,
+    layers: int = 0,
+    vertices: Vertices | None = None,
     straighten: bool = False,
     engine: str = "auto",
     threads: int | None = None,
@@ -46,7 +51,7 @@ def smooth(
 
     mesh: a ``meshio.Mesh``, or points (N, 2) or (N, 3) with ``cells`` as {type: (n, k) int} or pairs of these
         (types and node order as in meshio). The input is not altered.
-    The options are those of ``dvr smooth``; see SmoothOptions and Stopping.
+    The options are those of ``dvr smooth``; see SmoothOptions, Selection and Stopping.
 
     Returns (mesh, report): a new ``meshio.Mesh`` with the same cells and data, or the new points (N, 2|3),
     and a report with the same figures as the command's. The mesh quality never decreases.
@@ -66,6 +71,11 @@ def smooth(
         order=order,
         seed=seed,
         boundary=boundary,
+        fix=fix,
+        only=only,
+        below=below,
+        layers=layers,
+        vertices=vertices,
         straighten=straighten,
         engine=engine,
         threads=threads,

@@ -11,15 +11,18 @@ from typing import Any
 import numpy as np
 
 from dvr_cli.errors import UsageError
-from dvr_cli.files.arrays import read_directions
+from dvr_cli.files.arrays import read_directions, read_vertices, whole_numbers
 from dvr_cli.relax.choice import checked_threads, chosen_engine
 from dvr_cli.relax.directions import Entry, check_name
 from dvr_cli.relax.schedule import ORDERS
+from dvr_cli.relax.selection import Selection
 from dvr_cli.relax.stopping import Stopping
 
 BOUNDARIES = ("fixed", "slide")
 
 Directions = str | np.ndarray | Sequence[str | np.ndarray]
+Names = str | Sequence[str]
+Vertices = str | Path | np.ndarray | Sequence[int]
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,8 @@ class SmoothOptions:
     order: "coloured", "natural" or "shuffled". seed: for random directions and the shuffled order.
     boundary: "fixed", or "slide": vertices of the boundary, of interfaces and of embedded cells move within
         straight lines and planes.
+    fix, only, below, layers: see Selection; fix and only are one name or several. vertices: numbers from 0,
+        or the path of a .npy, .csv or .txt file with them.
     straighten: take curved second-order cells as straight. stopping: when to stop.
     engine: "auto", "numpy" or "numba"; threads: by default all cores. Neither changes the result.
     """
@@ -41,6 +46,11 @@ class SmoothOptions:
     order: str = "coloured"
     seed: int = 0
     boundary: str = "fixed"
+    fix: Names = ()
+    only: Names = ()
+    below: float | None = None
+    layers: int = 0
+    vertices: Vertices | None = None
     straighten: bool = False
     engine: str = "auto"
     threads: int | None = None
@@ -59,6 +69,7 @@ class SmoothOptions:
         for entry in self.entries:
             if isinstance(entry, str):
                 check_name(entry)
+        _ = self.selection  # which checks itself
 
     @cached_property
     def entries(self) -> list[Entry]:
@@ -74,6 +85,17 @@ class SmoothOptions:
                 result.append(name if path == name else (name, read_directions(Path(path))))
         return result
 
+    @cached_property
+    def selection(self) -> Selection:
+        """The vertices to relax; a file named by ``vertices`` is read, once."""
+        fix, only = _names(self.fix), _names(self.only)
+        return Selection(fix, only, self.below, self.layers, self._vertices())
+
+    def _vertices(self) -> np.ndarray | None:
+        if isinstance(self.vertices, str | Path):
+            return read_vertices(Path(self.vertices))
+        return None if self.vertices is None else whole_numbers(np.asarray(self.vertices), "vertices")
+
     def _given(self) -> Sequence[str | np.ndarray]:
         return [self.directions] if isinstance(self.directions, str | np.ndarray) else self.directions
 
@@ -86,6 +108,11 @@ class SmoothOptions:
             "order": self.order,
             "seed": int(self.seed),
             "boundary": self.boundary,
+            "fix": list(_names(self.fix)),
+            "only": list(_names(self.only)),
+            "below": None if self.below is None else float(self.below),
+            "layers": int(self.layers),
+            "vertices": _described(self.vertices),
             "straighten": bool(self.straighten),
             "max_iterations": int(self.stopping.max_iterations),
             "tol": float(self.stopping.tol),
@@ -93,3 +120,13 @@ class SmoothOptions:
             "target": None if self.stopping.target is None else float(self.stopping.target),
             "time_limit": None if self.stopping.time_limit is None else float(self.stopping.time_limit),
         }
+
+
+def _names(given: Names) -> tuple[str, ...]:
+    return (given,) if isinstance(given, str) else tuple(given)
+
+
+def _described(vertices: Vertices | None) -> str | None:
+    if vertices is None or isinstance(vertices, str | Path):
+        return None if vertices is None else str(vertices)
+    return f"array{np.shape(vertices)}"

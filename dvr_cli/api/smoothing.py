@@ -51,7 +51,11 @@ def smooth_mesh(
     engine_name = chosen_engine(options.engine, len(mesh.points), options.stopping.max_iterations)
     compiled = engine_name == "numba"
     domain = domain_of(mesh, options.straighten, compiled)
-    freedom = _freedom(mesh, domain, options.boundary)
+    movable = _freedom(mesh, domain, options.boundary).only(mesh.unlinked)
+    chosen = options.selection.masks(mesh, domain)
+    freedom = movable
+    for mask in chosen.values():
+        freedom = freedom.only(mask)
     relaxed = freedom.relaxed
     directions = direction_field(
         options.entries, domain, mesh.point_data, options.seed, options.center, options.axis

@@ -82,6 +82,36 @@ def smooth(
             metavar="fixed|slide",
         ),
     ] = "fixed",
+    fix: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Keep the vertices of a group in place: a physical group, region or set of IN by name or "
+            "tag. Can be repeated.",
+        ),
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Relax only the vertices of a group. Can be repeated."),
+    ] = None,
+    below: Annotated[
+        float | None,
+        typer.Option(
+            parser=quality_value,
+            metavar="Q",
+            help="Relax only the vertices of elements of IN that are worse than Q.",
+        ),
+    ] = None,
+    layers: Annotated[
+        int, typer.Option(min=0, metavar="K", help="With --below: relax K rings of neighbours, too.")
+    ] = 0,
+    vertices: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Relax only the vertices listed in FILE (.txt, .csv or .npy), numbered from 0.",
+        ),
+    ] = None,
     engine: Annotated[
         Literal["auto", "numpy", "numba"],
         typer.Option(
@@ -134,6 +164,11 @@ def smooth(
         order=order,
         seed=seed,
         boundary=boundary,
+        fix=fix or (),
+        only=only or (),
+        below=below,
+        layers=layers,
+        vertices=vertices,
         straighten=straighten,
         engine=engine,
         threads=threads,

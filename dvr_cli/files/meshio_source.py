@@ -142,7 +142,7 @@ def _lost(mesh: Mesh, back: Mesh, points: np.ndarray) -> list[str]:
     else:
         missing = mesh.cell_data.keys() - back.cell_data.keys()
         lost += [f"cell data not kept: {', '.join(sorted(missing))}"] if missing else []
-    missing = mesh.field_data.keys() - back.field_data.keys()
+    missing = _group_names(mesh) - _group_names(back)
     lost += [f"names of groups not kept: {', '.join(sorted(missing))}"] if missing else []
     if len(mesh.periodic) > len(back.periodic):
         lost.append("periodic links are not kept")
@@ -164,6 +164,10 @@ def _lost_data(kind: str, old: dict[str, np.ndarray], new: dict[str, np.ndarray]
     if changed:
         lost.append(f"{kind} with other values or shapes: {', '.join(changed)}")
     return lost
+
+
+def _group_names(mesh: Mesh) -> set[str]:
+    return {*mesh.field_data, *mesh.cell_sets, *mesh.point_sets}
 
 
 def _equal(old: np.ndarray, new: np.ndarray) -> bool:

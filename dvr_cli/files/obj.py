@@ -24,7 +24,7 @@ _UNSUPPORTED = {
     b"fo": "face outlines (superseded form of f)",
 }
 _GROUPING = (b"g", b"o", b"usemtl")
-_BEYOND = {"vt": "texture coordinates", "vn": "normals", "g": "names of groups"}
+_BEYOND = {"vt": "texture coordinates", "vn": "normals"}
 _CONTINUED = re.compile(rb"\\\r?\n")
 _INDENT = re.compile(rb"[ \t\v\f]*")
 _KEYWORD = re.compile(rb"[A-Za-z][A-Za-z0-9_]*")
@@ -55,7 +55,8 @@ def read(data: bytes) -> ObjSource:
     Cells come in one block for each number of vertices: points (``p``), lines (``l``, taken apart into
     segments), then faces: triangles, quads, larger polygons, ascending; a block keeps the order of the file.
     The cell data "obj:group" number the combinations of object (``o``), group (``g``) and material
-    (``usemtl``), from 0 for the cells in front of the first such statement, in the order they appear.
+    (``usemtl``), from 0 for the cells in front of the first such statement, in the order they appear. The
+    cell sets are what each of these names holds.
 
     Raises InputError for what is no OBJ file, is damaged, or uses free-form geometry. Keywords that are not
     part of the format are passed over, as every reader of OBJ does.
@@ -73,8 +74,11 @@ def read(data: bytes) -> ObjSource:
     cells = joined([listed for listed, _ in statements])
     types = np.repeat([POLY_VERTEX, POLY_LINE, POLYGON], [len(line) for _, line in statements])
     blocks, numbers = blocks_of(cells, types, len(points), by_size=True)
-    group = _read_groups(lines)[np.concatenate([line for _, line in statements])]
-    mesh = Mesh(points, blocks, cell_data={"obj:group": [group[number] for number in numbers]})
+    of_line, named = _read_groups(lines)
+    group = of_line[np.concatenate([line for _, line in statements])]
+    groups = [group[number] for number in numbers]
+    sets = {name: [np.flatnonzero(np.isin(g, members)) for g in groups] for name, members in named.items()}
+    mesh = Mesh(points, blocks, cell_data={"obj:group": groups}, cell_sets=sets)
     source = ObjSource(data, mesh, starts, ends)
     source.unread = [f"{' and '.join(beyond)} are not kept"] if beyond else []
     return source
@@ -187,8 +191,9 @@ def _read_elements(
     return CellList(nodes, starts, sizes), line
 
 
-def _read_groups(lines: _Lines) -> np.ndarray:
-    """(n,) number of the combination of object, group and material that holds in each line."""
+def _read_groups(lines: _Lines) -> tuple[np.ndarray, dict[str, list[int]]]:
+    """(n,) number of the combination of object, group and material that holds in each line, and for each
+    name of one of these the numbers of the combinations it is in (a cell may be in several groups)."""
     now = dict.fromkeys(_GROUPING, b"")
     known = {tuple(now.values()): 0}
     begin, number = [0], [0]
@@ -206,7 +211,12 @@ def _read_groups(lines: _Lines) -> np.ndarray:
             now[keyword] = b" ".join(names)
             begin.append(line)
             number.append(known.setdefault(tuple(now.values()), len(known)))
-    return np.repeat(number, np.diff(begin, append=len(lines.starts)))
+    named: dict[str, list[int]] = {}
+    for combination, i in known.items():
+        for keyword, text in zip(_GROUPING, combination, strict=True):
+            for name in text.split() if keyword == b"g" else [text] if text else []:
+                named.setdefault(name.decode("utf-8", "replace"), []).append(i)
+    return np.repeat(number, np.diff(begin, append=len(lines.starts))), named
 
 
 def _check_counts(lines: _Lines, line: np.ndarray, rows: Rows, what: str, least: int, of_what: str) -> None:

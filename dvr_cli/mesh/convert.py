@@ -14,15 +14,18 @@ if TYPE_CHECKING:
 
 def from_meshio(mesh: meshio.Mesh) -> Mesh:
     """A Mesh that shares the arrays of ``mesh`` where their types allow it; all native byte order."""
-    pairs = mesh.gmsh_periodic or []
-    links = [np.asarray(link[3], dtype=np.int64).reshape(-1, 2) for link in pairs]
+    n = len(mesh.points)
+    links = [np.asarray(link[3], dtype=np.int64).reshape(-1, 2) for link in mesh.gmsh_periodic or []]
+    pairs = np.concatenate([np.empty((0, 2), dtype=np.int64), *links])
     return Mesh(
         points=np.asarray(mesh.points, dtype=np.float64),
         cells=[Cells(block.type, _native(np.asarray(block.data))) for block in mesh.cells],
         cell_data={name: [_native(np.asarray(a)) for a in blocks] for name, blocks in mesh.cell_data.items()},
         point_data={name: _native(np.asarray(array)) for name, array in mesh.point_data.items()},
         field_data=dict(mesh.field_data),
-        periodic=np.concatenate([np.empty((0, 2), dtype=np.int64), *links]),
+        cell_sets=_cell_sets(mesh),
+        point_sets={name: part for name, part in mesh.point_sets.items() if _positions(part, n)},
+        periodic=pairs[((pairs >= 0) & (pairs < n)).all(axis=1)],
     )
 
 
@@ -41,3 +44,31 @@ def to_meshio(mesh: Mesh, points: np.ndarray) -> meshio.Mesh:
 
 def _native(array: np.ndarray) -> np.ndarray:
     return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
+def _cell_sets(mesh: meshio.Mesh) -> dict[str, list[np.ndarray]]:
+    """The sets of cells, and the families of a MED file, which meshio keeps beside the mesh.
+
+    What is no list of positions for each block is left out: meshio files the boundaries of Gmsh's entities
+    among the sets, and nests sets of sets of Abaqus.
+    """
+    sets = {
+        name: list(parts)
+        for name, parts in mesh.cell_sets.items()
+        if len(parts) == len(mesh.cells)
+        and not name.startswith("gmsh:")
+        and all(_positions(part, len(block.data)) for part, block in zip(parts, mesh.cells, strict=True))
+    }
+    for tag, names in getattr(mesh, "cell_tags", {}).items():
+        members = [np.flatnonzero(np.asarray(block) == tag) for block in mesh.cell_data.get("cell_tags", [])]
+        for name in names:
+            known = sets.get(name, [np.empty(0, dtype=np.int64)] * len(members))
+            sets[name] = [np.concatenate(pair) for pair in zip(known, members, strict=True)]
+    return sets
+
+
+def _positions(part: object, n: int) -> bool:
+    """Whether ``part`` is an array of positions in a list of n."""
+    if not isinstance(part, np.ndarray) or part.ndim != 1 or part.dtype.kind not in "iu":
+        return False
+    return not len(part) or bool(part.min() >= 0 and part.max() < n)

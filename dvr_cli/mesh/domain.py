@@ -35,7 +35,8 @@ class Domain:
     cell_ids: (n,) their ids in the mesh: positions counted from 0 through all its blocks.
     corners: the corners of these cells.
     region: (n,) region number of each.
-    interior: (N,) bool, the vertices that are neither on a boundary, an interface nor a lower cell.
+    interior: (N,) bool, the vertices that are neither on a boundary, an interface nor a lower cell, and that
+        no periodic link ties to another.
     mirrored: how many cells are stored inside out (they stay so in any output).
     plane: the plane of a two-dimensional mesh, None for a volume mesh.
     mids: the nodes of second-order cells that follow their corners, None if there are none.
@@ -122,7 +123,7 @@ def domain_of(mesh: Mesh, straighten: bool = False, compiled: bool = False) -> D
         cell_ids=np.concatenate([np.arange(first[b], first[b + 1]) for b in chosen]),
         corners=corners_of(cells, dimension) if mirrored.any() else as_stored,
         region=region,
-        interior=_interior(linear, stored, chosen, region, len(mesh.points)),
+        interior=_interior(linear, stored, chosen, region, len(mesh.points)) & mesh.unlinked,
         mirrored=int(mirrored.sum()),
         plane=plane,
         mids=mids,

@@ -33,6 +33,8 @@ class Mesh:
         ("gmsh:physical", "gmsh:geometrical", "medit:ref", ...).
     point_data: per name an array with N rows.
     field_data: names of groups: name -> (tag, dimension).
+    cell_sets: groups by their cells: name -> for each block the positions in it.
+    point_sets: groups of vertices by name.
     periodic: (K, 2) int array of linked vertices (slave, master), empty when there are none.
     """
 
@@ -41,4 +43,13 @@ class Mesh:
     cell_data: dict[str, list[np.ndarray]] = field(default_factory=dict)
     point_data: dict[str, np.ndarray] = field(default_factory=dict)
     field_data: dict[str, np.ndarray] = field(default_factory=dict)
+    cell_sets: dict[str, list[np.ndarray]] = field(default_factory=dict)
+    point_sets: dict[str, np.ndarray] = field(default_factory=dict)
     periodic: np.ndarray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+
+    @property
+    def unlinked(self) -> np.ndarray:
+        """(N,) bool: the vertices that no periodic link ties to another; only these may move on their own."""
+        free = np.ones(len(self.points), dtype=bool)
+        free[self.periodic] = False
+        return free

@@ -15,8 +15,8 @@ import pytest
 
 from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh import read
-from dvr_cli.files.gmsh.cells import DIMENSION, CellType, cell_type
-from dvr_cli.files.gmsh.mesh import in_group
+from dvr_cli.files.gmsh.cells import CellType, cell_type
+from dvr_cli.mesh.groups import group_cells, topological_dimension
 from dvr_cli.mesh.mesh import Mesh
 from gmsh_corpus import NAMES, Account, account, corpus, gmsh_session, require_gmsh
 
@@ -104,7 +104,7 @@ def test_same_groups_as_gmsh(name):
         inside = {
             key
             for i, block in enumerate(mesh.cells)
-            if DIMENSION[block.type] == dimension
+            if topological_dimension(block.type) == dimension
             for key, groups in zip(keys[i], tags_of(mesh, i), strict=True)
             if tag in groups
         }
@@ -128,7 +128,7 @@ def test_groups_are_found_by_name(name):
         if title and entities:
             inside = {
                 key
-                for block, mask in zip(keys, in_group(mesh, title), strict=True)
+                for block, mask in zip(keys, group_cells(mesh, title), strict=True)
                 for key, is_in in zip(block, mask, strict=True)
                 if is_in
             }

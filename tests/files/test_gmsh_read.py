@@ -10,8 +10,7 @@ import pytest
 
 from dvr_cli.errors import UsageError
 from dvr_cli.files.gmsh import read
-from dvr_cli.files.gmsh.cells import DIMENSION
-from dvr_cli.files.gmsh.mesh import in_group
+from dvr_cli.mesh.groups import group_cells, group_vertices, topological_dimension
 from dvr_cli.mesh.mesh import Mesh
 from gmsh_corpus import NAMES, account, corpus
 
@@ -46,7 +45,7 @@ def test_regions_number_the_combinations_of_entity_and_groups(name):
     for i, cells in enumerate(mesh.cells):
         entities, regions = mesh.cell_data["gmsh:geometrical"][i], mesh.cell_data["dvr:region"][i]
         for entity, groups, region in zip(entities, tags_of(mesh, i), regions, strict=True):
-            key = (DIMENSION[cells.type], int(entity), frozenset(groups.tolist()))
+            key = (topological_dimension(cells.type), int(entity), frozenset(groups.tolist()))
             numbers.setdefault(key, set()).add(int(region))
     assert all(len(regions) == 1 for regions in numbers.values())
     assert sorted(region for (region,) in numbers.values()) == list(range(1, len(numbers) + 1))
@@ -62,13 +61,13 @@ def test_one_name_for_groups_of_several_dimensions():
         "part": [1, 2],
         "part (dim 3, tag 1)": [1, 3],
     }
-    assert [mask.sum() for mask in in_group(mesh, "part")] == [14, 100]
-    assert [mask.sum() for mask in in_group(mesh, "part (dim 3, tag 1)")] == [0, 100]
+    assert [mask.sum() for mask in group_cells(mesh, "part")] == [14, 100]
+    assert [mask.sum() for mask in group_cells(mesh, "part (dim 3, tag 1)")] == [0, 100]
 
 
 def test_group_without_a_name_is_found_by_its_number():
     mesh = read(corpus("one_group_each-22-binary")).mesh
-    assert [(c.type, mask.sum()) for c, mask in zip(mesh.cells, in_group(mesh, "9"), strict=True)] == [
+    assert [(c.type, mask.sum()) for c, mask in zip(mesh.cells, group_cells(mesh, "9"), strict=True)] == [
         ("vertex", 0),
         ("line", 2),
         ("triangle", 0),
@@ -78,7 +77,7 @@ def test_group_without_a_name_is_found_by_its_number():
 
 def test_unknown_group_is_named_with_those_there_are():
     with pytest.raises(UsageError, match=r"'wals'.*walls, solid"):
-        in_group(read(corpus("one_group_each-22-binary")).mesh, "wals")
+        group_vertices(read(corpus("one_group_each-22-binary")).mesh, "wals")
 
 
 # --------------------------------------------------------------------------------------------- by hand

@@ -44,9 +44,6 @@ _TYPES = {
     **_family("pyramid", 3, n13=19, n14=14),
 }
 
-# The topological dimension of a cell type by name.
-DIMENSION = {kind.name: kind.dimension for kind in _TYPES.values()}
-
 # NODE_ORDER[name][i] is the place, in Gmsh's order, of the node that meshio lists i-th.
 NODE_ORDER = {
     "tetra10": [0, 1, 2, 3, 4, 5, 6, 7, 9, 8],

@@ -4,24 +4,20 @@ Physical groups. The names of $PhysicalNames are the keys of ``field_data``. Gms
 groups, of different dimensions or not; all but the first are filed as "NAME (dim D, tag T)". A cell's first
 physical tag is in ``cell_data["gmsh:physical"]``; if any cell is in several groups, further tags are in
 "gmsh:physical:2", "gmsh:physical:3" and so on (0 for none), and "dvr:region" numbers, from 1, the distinct
-combinations of dimension, entity and set of groups. ``in_group`` puts all this together.
+combinations of dimension, entity and set of groups. ``mesh.groups`` puts all this together.
 """
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
-from dvr_cli.errors import InputError, UsageError
-from dvr_cli.files.gmsh.cells import DIMENSION, NODE_ORDER, cell_type
+from dvr_cli.errors import InputError
+from dvr_cli.files.gmsh.cells import NODE_ORDER, cell_type
 from dvr_cli.files.gmsh.data import View
 from dvr_cli.files.gmsh.elements import Elements, join_consecutive, merge_repeated
 from dvr_cli.files.gmsh.nodes import Nodes
 from dvr_cli.files.gmsh.tags import TagIndex
 from dvr_cli.mesh.mesh import Cells, Mesh
-
-_PHYSICAL = re.compile(r"gmsh:physical(:\d+)?")
 
 
 def make_mesh(
@@ -61,29 +57,6 @@ def make_mesh(
         field_data=_field_data(names),
         periodic=pairs[(pairs >= 0).all(axis=1)].astype(np.int64),
     )
-
-
-def in_group(mesh: Mesh, name: str) -> list[np.ndarray]:
-    """Which cells are in the physical groups called ``name``: a boolean array for each block of ``mesh``.
-
-    A name that several groups bear means all of them; a number that is no name means the groups with that
-    tag, of any dimension. UsageError if there is no such group.
-    """
-    alike = re.compile(re.escape(name) + r"( \(dim \d, tag -?\d+\))?")
-    groups = {tuple(group.tolist()) for key, group in mesh.field_data.items() if alike.fullmatch(key)}
-    if not groups and re.fullmatch(r"[1-9]\d{0,8}", name):
-        groups = {(int(name), dimension) for dimension in range(4)}
-    inside = []
-    for i, cells in enumerate(mesh.cells):
-        tags = [tag for tag, dimension in groups if dimension == DIMENSION.get(cells.type)]
-        mask = np.zeros(len(cells.vertices), bool)
-        for key in filter(_PHYSICAL.fullmatch, mesh.cell_data):
-            mask |= np.isin(mesh.cell_data[key][i], tags)
-        inside.append(mask)
-    if not any(mask.any() for mask in inside):
-        named = ", ".join(mesh.field_data) or "none with a name"
-        raise UsageError(f"no cell is in a physical group {name!r}; the groups are: {named}")
-    return inside
 
 
 def _with_indices(block: Elements, index: TagIndex) -> Elements:
