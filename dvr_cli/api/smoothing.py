@@ -20,8 +20,11 @@ from dvr_cli.relax.choice import checked_threads, chosen_engine, make_engine
 from dvr_cli.relax.directions import direction_field, restricted
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.sweeps import Sweep, relax
+from dvr_cli.report.limits import limit_of
 from dvr_cli.report.quality import Quality, measure
 from dvr_cli.report.records import SmoothReport, summarise
+
+_DONE = ("converged", "nothing-to-relax")  # the reasons for which relaxing on would gain nothing
 
 
 class Storage(Protocol):
@@ -71,6 +74,10 @@ def smooth_mesh(
     if domain.is_tilted and _worse(measure(domain, points, relaxed), before):
         points, stopped_because = mesh.points.copy(), "rounding"
     points, after = _kept(domain, points, relaxed, before, storage)
+    limited_by = None
+    if stopped_because in _DONE or _capped(after):
+        deselected = {name: (movable.dimension > 0) & ~mask for name, mask in chosen.items()}
+        limited_by = limit_of(domain, points, relaxed, after, deselected, {})
     report = SmoothReport(
         mesh=summarise(mesh, domain),
         relaxed=len(relaxed),
@@ -78,6 +85,7 @@ def smooth_mesh(
         after=after,
         sweeps=[asdict(sweep) for sweep in outcome.sweeps],
         stopped_because=stopped_because,
+        limited_by=limited_by,
         seconds=seconds,
         engine=engine.name,
         threads=engine.threads,
@@ -116,3 +124,8 @@ def _worse(after: Quality, before: Quality) -> bool:
     if after.q1 is None or before.q1 is None:
         return False
     return after.inverted > before.inverted or after.q1 < before.q1
+
+
+def _capped(quality: Quality) -> bool:
+    """Whether the worst element has no relaxed vertex, so that relaxing on cannot better it."""
+    return quality.q1 is None or quality.minimum < quality.q1

@@ -29,7 +29,7 @@ def extreme_angles(points: np.ndarray, blocks: list[Cells], compiled: bool = Fal
         for chunk in chunks(len(candidates)):
             vertices = candidates[chunk]
             if points.shape[1] == 2:
-                angles = _interior_angles(points, vertices)
+                angles = interior_angles(points, vertices)
             else:
                 angles = np.concatenate(
                     [np.empty(0), *_extreme_dihedral_angles(points, vertices, block.type)]
@@ -39,15 +39,15 @@ def extreme_angles(points: np.ndarray, blocks: list[Cells], compiled: bool = Fal
     return (float(low), float(high)) if high >= low else (np.nan, np.nan)
 
 
-def _interior_angles(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """(n·k,) angle at each vertex, turning from the next to the previous edge, in [0, 360) degrees."""
+def interior_angles(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """(n, k) angle at each vertex, turning from the next to the previous edge, in [0, 360) degrees."""
     here = points[vertices]
     onward = np.roll(here, -1, axis=1) - here
     back = np.roll(here, 1, axis=1) - here
     cross = onward[..., 0] * back[..., 1] - onward[..., 1] * back[..., 0]
     inner = (onward * back).sum(axis=-1)
     angle = np.degrees(np.arctan2(cross, inner)) % 360.0
-    return np.where(onward.any(axis=-1) & back.any(axis=-1), angle, np.nan).ravel()
+    return np.where(onward.any(axis=-1) & back.any(axis=-1), angle, np.nan)
 
 
 def _with_extreme_cosines(points: np.ndarray, block: Cells) -> np.ndarray:

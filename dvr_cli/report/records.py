@@ -8,6 +8,7 @@ from typing import Any
 from dvr_cli import __version__
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.report.limits import Limit
 from dvr_cli.report.quality import Quality
 
 UNITS = {"quality": "mean ratio, from -1 to 1", "angle": "degree", "seconds": "second"}
@@ -57,6 +58,7 @@ class SmoothReport:
     sweeps: for each its number from 1 (sweep), Q1 after it (q1), vertices moved and seconds taken.
     stopped_because: "converged", "max-iterations", "target", "time-limit", "interrupted",
         "nothing-to-relax", or "rounding" when rounding would undo the gain and the mesh was left as it was.
+    limited_by: what holds the worst element where relaxing on would not, None if that is not known.
     seconds: time of the relaxation, reading and writing aside.
     """
 
@@ -66,6 +68,7 @@ class SmoothReport:
     after: Quality
     sweeps: list[dict[str, Any]]
     stopped_because: str
+    limited_by: Limit | None
     seconds: float
     engine: str
     threads: int
@@ -89,6 +92,7 @@ class SmoothReport:
             "after": after,
             "sweeps": self.sweeps,
             "stopped_because": self.stopped_because,
+            "limited_by": None if self.limited_by is None else asdict(self.limited_by),
             "seconds": self.seconds,
             "engine": self.engine,
             "threads": self.threads,

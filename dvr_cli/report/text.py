@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dvr_cli.report.compare import Comparison
+    from dvr_cli.report.limits import Limit
     from dvr_cli.report.quality import Element, Quality
     from dvr_cli.report.records import MeshSummary, QualityReport, SmoothReport
 
@@ -47,6 +48,7 @@ def smooth_text(report: SmoothReport, source: str, output: str) -> str:
         f"{report.seconds:.3f} s",
         *_side_by_side(report.before, report.after, mesh.dimension),
         _why_stopped(report),
+        *_limit(report.limited_by),
         *_notes(mesh),
     ]
     if left := report.after.inverted + report.after.degenerate:
@@ -118,6 +120,7 @@ def _side_by_side(before: Quality, after: Quality, dimension: int) -> list[str]:
 
 def _why_stopped(report: SmoothReport) -> str:
     options = report.options
+    selects = any(options[name] not in (None, []) for name in ("fix", "only", "below", "vertices"))
     return {
         "converged": f"converged: Q1 grew by less than {options['tol']:g} in each of the last "
         f"{_count(options['patience'], 'sweep')}",
@@ -126,8 +129,13 @@ def _why_stopped(report: SmoothReport) -> str:
         "time-limit": f"stopped: the time limit of {options['time_limit']} s was reached",
         "interrupted": "interrupted: the mesh reached by then was written",
         "rounding": "left as it was: rounding the coordinates would undo what there is to gain",
-        "nothing-to-relax": "nothing to relax: no vertex lies inside the mesh",
+        "nothing-to-relax": "nothing to relax: "
+        + ("the selection leaves no vertex that could move" if selects else "no vertex lies inside the mesh"),
     }[report.stopped_because]
+
+
+def _limit(limit: Limit | None) -> list[str]:
+    return [] if limit is None else [f"limited: {limit.text}", f"advice: {limit.advice}"]
 
 
 def _notes(mesh: MeshSummary) -> list[str]:
