@@ -62,7 +62,7 @@ def group_vertices(mesh: Mesh, name: str) -> np.ndarray:
     for block, mask in zip(mesh.cells, group_cells(mesh, name), strict=True):
         inside[block.vertices[mask]] = True
     if not inside.any():
-        raise UsageError(f"nothing is in a group {name!r}; there are: {_listing(mesh)}")
+        raise UsageError(f"nothing is in a group {name!r}; the groups are: {_listing(mesh)}")
     return inside
 
 

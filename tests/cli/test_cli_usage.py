@@ -176,7 +176,7 @@ SMOOTH = {
     "--fix": ["1"],
     "--only": ["1"],
     "--below": ["0.5"],
-    "--layers": ["2"],
+    "--layers": ["2", "--below", "0.5"],
     "--vertices": ["{folder}/v.txt"],
     "--engine": ["numpy"],
     "--threads": ["2"],
@@ -207,7 +207,9 @@ COMPARE = {"--json": [], "--input-format": ["gmsh"], "--debug": []}
     ids=["smooth", "quality", "compare"],
 )
 def test_every_option_in_the_help_works(dvr, tmp_path, command, options):
-    source = fan(tmp_path / "in.msh")
+    tags = [np.ones(4, dtype=int)]
+    source = fan(tmp_path / "in.msh", cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags})
+    (tmp_path / "v.txt").write_text("4\n")
     paths = {
         "smooth": [source, tmp_path / "out.msh"],
         "report quality": [source],
