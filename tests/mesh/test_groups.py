@@ -49,7 +49,7 @@ def test_a_name_that_looks_like_a_tag_is_a_name():
 
 def test_a_cell_in_no_physical_group_is_not_in_group_0():
     mesh = square({"gmsh:physical": [[1, 1, 0, 0], [0, 0]]})
-    with pytest.raises(UsageError, match="'0'.*gmsh:physical 1"):
+    with pytest.raises(UsageError, match=r"'0'.*gmsh:physical 1"):
         group_vertices(mesh, "0")
     assert vertices(square({"medit:ref": [[0, 1, 1, 1], [5, 5]]}), "0") == [0, 1, 4]
 
@@ -95,14 +95,14 @@ def test_many_tags_are_not_all_listed():
     mesh = Mesh(SQUARE, [Cells("vertex", np.arange(5).repeat(8)[:, None])], {"region": [np.arange(40)]})
     with pytest.raises(UsageError, match=r"region 0, 1, .*, 19, 20 more$"):
         group_vertices(mesh, "x")
-    with pytest.raises(UsageError, match="the groups are: none$"):
+    with pytest.raises(UsageError, match=r"the groups are: none$"):
         group_vertices(Mesh(SQUARE, [Cells("triangle", FAN)]), "x")
 
 
 def test_field_data_that_are_no_groups():
     mesh = square(field_data={"time": [0.5], "bounds": [0.0, 1.0], "left": [2, 2]})
     for name in ("time", "bounds", "left"):
-        with pytest.raises(UsageError, match="none$"):
+        with pytest.raises(UsageError, match=r"none$"):
             group_vertices(mesh, name)
 
 
@@ -123,7 +123,10 @@ def test_names_in_an_obj_file():
 
 def test_sets_of_a_meshio_mesh(tmp_path):
     lines = ["*NODE", *(f"{i + 1}, {x}, {y}, 0." for i, (x, y) in enumerate(SQUARE))]
-    lines += ["*ELEMENT, TYPE=S3", *(f"{i + 1}, {a + 1}, {b + 1}, {c + 1}" for i, (a, b, c) in enumerate(FAN))]
+    lines += [
+        "*ELEMENT, TYPE=S3",
+        *(f"{i + 1}, {a + 1}, {b + 1}, {c + 1}" for i, (a, b, c) in enumerate(FAN)),
+    ]
     lines += ["*ELSET, ELSET=west", "4", "*NSET, NSET=corner", "1, 3", "*ELSET, ELSET=nested", "west"]
     path = tmp_path / "in.inp"
     path.write_text("\n".join(lines) + "\n")
