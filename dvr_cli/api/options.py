@@ -18,7 +18,7 @@ from dvr_cli.relax.schedule import ORDERS
 from dvr_cli.relax.selection import Selection
 from dvr_cli.relax.stopping import Stopping
 
-BOUNDARIES = ("fixed", "slide")
+BOUNDARIES = ("fixed", "slide")  # each frees the vertices of those before it, and more
 
 Directions = str | np.ndarray | Sequence[str | np.ndarray]
 Names = str | Sequence[str]

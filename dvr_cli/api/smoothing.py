@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.options import BOUNDARIES, SmoothOptions
 from dvr_cli.errors import OutputError
 from dvr_cli.mesh.constraints import constraints_of
 from dvr_cli.mesh.domain import Domain, domain_of
@@ -56,9 +56,8 @@ def smooth_mesh(
     domain = domain_of(mesh, options.straighten, compiled)
     movable = _freedom(mesh, domain, options.boundary).only(mesh.unlinked)
     chosen = options.selection.masks(mesh, domain)
-    freedom = movable
-    for mask in chosen.values():
-        freedom = freedom.only(mask)
+    selected = np.logical_and.reduce([mesh.unlinked, *chosen.values()])
+    freedom = movable.only(selected)
     relaxed = freedom.relaxed
     directions = direction_field(
         options.entries, domain, mesh.point_data, options.seed, options.center, options.axis
@@ -77,7 +76,13 @@ def smooth_mesh(
     limited_by = None
     if stopped_because in _DONE or _capped(after):
         deselected = {name: (movable.dimension > 0) & ~mask for name, mask in chosen.items()}
-        limited_by = limit_of(domain, points, relaxed, after, deselected, {})
+        boundary = {
+            f"--boundary {name}": lambda name=name: (
+                selected & (_freedom(mesh, domain, name, compiled).dimension > 0)
+            )
+            for name in BOUNDARIES[BOUNDARIES.index(options.boundary) + 1 :]
+        }
+        limited_by = limit_of(domain, points, relaxed, after, deselected, boundary)
     report = SmoothReport(
         mesh=summarise(mesh, domain),
         relaxed=len(relaxed),

@@ -82,7 +82,7 @@ def limit_of(
         for option, frees in boundary.items():
             freed = vertices[frees()[vertices] & ~moves]
             if len(freed):
-                text = f"{on_boundary.sum()} of the {count} vertices of {name} are on the boundary"
+                text = f"{name} has {on_boundary.sum()} of its {count} vertices on the boundary"
                 advice = f"{option} would free {len(freed)} of them"
                 return Limit("boundary", int(freed[0]), element, text, advice)
     if not moves.any():
