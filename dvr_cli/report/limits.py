@@ -26,7 +26,6 @@ from dvr_cli.report.quality import Element, Quality
 REACHED = 0.9  # share of what a valence allows from which on it counts as what limits,
 SEVERE = 0.95  # if it allows less than this
 _REMESH = "only other elements help: remesh there"
-_PERSIST = "a smaller --tol may gain a little; more takes other elements there"
 
 
 @dataclass(frozen=True)
@@ -89,9 +88,10 @@ def limit_of(
         return Limit("fixed-cap", None, element, f"none of the {count} vertices of {name} can move", _REMESH)
     if element.quality <= 0:
         text = f"{name} is not positive: no place found makes all elements around so"
-    else:
-        text = f"what moving a vertex of {name} gains, its neighbours lose"
-    return Limit("balance", None, element, text, _PERSIST)
+        return Limit("balance", None, element, text, "other directions or another seed may find one")
+    text = f"what moving a vertex of {name} gains, its neighbours lose"
+    advice = "a smaller --tol may gain a little; more takes other elements there"
+    return Limit("balance", None, element, text, advice)
 
 
 def _cell(domain: Domain, element: Element) -> int:
