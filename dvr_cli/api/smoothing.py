@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -76,12 +77,8 @@ def smooth_mesh(
     limited_by = None
     if stopped_because in _DONE or _capped(after):
         deselected = {name: (movable.dimension > 0) & ~mask for name, mask in chosen.items()}
-        boundary = {
-            f"--boundary {name}": lambda name=name: (
-                selected & (_freedom(mesh, domain, name, compiled).dimension > 0)
-            )
-            for name in BOUNDARIES[BOUNDARIES.index(options.boundary) + 1 :]
-        }
+        others = BOUNDARIES[BOUNDARIES.index(options.boundary) + 1 :]
+        boundary = {f"--boundary {name}": partial(_freed, mesh, domain, name, selected) for name in others}
         limited_by = limit_of(domain, points, relaxed, after, deselected, boundary)
     report = SmoothReport(
         mesh=summarise(mesh, domain),
@@ -104,6 +101,14 @@ def _freedom(mesh: Mesh, domain: Domain, boundary: str) -> Freedom:
     if boundary == "slide":
         return features_of(domain.points, domain.interior, constraints_of(mesh, domain)).freedom
     return interior_freedom(domain.interior, domain.dimension)
+
+
+def _freed(
+    mesh: Mesh, domain: Domain, boundary: str, selected: np.ndarray, vertices: np.ndarray
+) -> np.ndarray:
+    """(m,) bool: which of ``vertices`` (m,) could move with that treatment of the boundary."""
+    freedom = _freedom(mesh, domain.around(vertices), boundary, compiled=False).only(selected)
+    return freedom.dimension[vertices] > 0
 
 
 def _kept(

@@ -7,7 +7,7 @@ of one region.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -70,6 +70,21 @@ class Domain:
     def is_tilted(self) -> bool:
         """Whether the mesh lies in a plane in general position, so that lifting rounds its coordinates."""
         return self.plane is not None and self.plane.selected is None
+
+    def around(self, vertices: np.ndarray) -> Domain:
+        """The same domain with those cells alone that have one of ``vertices`` ((m,)); all points remain."""
+        here = np.zeros(len(self.points), dtype=bool)
+        here[vertices] = True
+        near = [here[block.vertices].any(axis=1) for block in self.cells]
+        cells = [Cells(b.type, b.vertices[mask]) for b, mask in zip(self.cells, near, strict=True)]
+        chosen = np.concatenate(near)
+        return replace(
+            self,
+            cells=cells,
+            cell_ids=self.cell_ids[chosen],
+            corners=corners_of(cells, self.dimension),
+            region=self.region[chosen],
+        )
 
     def flatten(self, points: np.ndarray) -> np.ndarray:
         """Coordinates (N, d) of points given as the mesh gives them."""

@@ -29,14 +29,11 @@ class Fan:
 def fans(points: np.ndarray, blocks: list[Cells], vertices: np.ndarray) -> Iterator[Fan]:
     """The fans around each of ``vertices`` ((m,)) and, of tetrahedra, around the edges between these.
 
-    points: (N, d); blocks: all cells of dimension d, of positive quality. Fans of elements of different
-    types, or of other types than triangle, quadrilateral and tetrahedron, are left out.
+    points: (N, d); blocks: all cells that have one of the vertices, of positive quality. Fans of elements of
+    different types, or of other types than triangle, quadrilateral and tetrahedron, are left out.
     """
-    here = np.zeros(len(points), dtype=bool)
-    here[vertices] = True
-    near = [(block.type, block.vertices[here[block.vertices].any(axis=1)]) for block in blocks]
     for i, v in enumerate(vertices.tolist()):
-        parts = [(name, cells[(cells == v).any(axis=1)]) for name, cells in near]
+        parts = [(b.type, b.vertices[(b.vertices == v).any(axis=1)]) for b in blocks]
         types = {name for name, cells in parts if len(cells)}
         if not (len(types) == 1 and types <= {"triangle", "quad", "tetra"}):
             continue

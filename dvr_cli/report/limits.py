@@ -50,13 +50,13 @@ def limit_of(
     relaxed: np.ndarray,
     quality: Quality,
     deselected: Mapping[str, np.ndarray],
-    boundary: Mapping[str, Callable[[], np.ndarray]],
+    boundary: Mapping[str, Callable[[np.ndarray], np.ndarray]],
 ) -> Limit:
     """What limits the mesh with coordinates ``points`` (as its mesh gives them) and this quality.
 
     relaxed: (m,) the relaxed vertices. deselected: for each option that selects the vertices that could move
     and that it keeps, (N,) bool. boundary: for each option that would free vertices of the boundary a
-    function that gives these, (N,) bool; only asked if a vertex there holds the worst element.
+    function that says of (m,) vertices which could move then, (m,) bool.
     """
     element = quality.worst[0]
     flat = domain.flatten(points)
@@ -66,7 +66,7 @@ def limit_of(
 
     if moves.any() and element.quality > 0:
         among = np.unique([v for worst in quality.worst for v in _vertices(domain, worst)])
-        fan = min(fans(flat, domain.cells, among), key=lambda fan: fan.best, default=None)
+        fan = min(fans(flat, domain.around(among).cells, among), key=lambda fan: fan.best, default=None)
         if fan is not None and fan.best < SEVERE and element.quality >= REACHED * fan.best:
             where = f"{'vertex' if len(fan.vertices) == 1 else 'edge'} {'-'.join(map(str, fan.vertices))}"
             text = f"{fan.n} elements meet at {where}, which allows {fan.best:.4f} at best"
@@ -79,7 +79,7 @@ def limit_of(
     on_boundary = ~domain.interior[vertices]
     if (on_boundary & ~moves).any():
         for option, frees in boundary.items():
-            freed = vertices[frees()[vertices] & ~moves]
+            freed = vertices[frees(vertices) & ~moves]
             if len(freed):
                 text = f"{name} has {on_boundary.sum()} of its {count} vertices on the boundary"
                 advice = f"{option} would free {len(freed)} of them"

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.files.reading import open_mesh
+from dvr_cli.mesh.constraints import constraints_of
 from dvr_cli.mesh.domain import domain_of
+from dvr_cli.mesh.features import features_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.report.export import as_json
@@ -18,6 +22,7 @@ from dvr_cli.report.text import smooth_text
 from meshes import grid
 from oracle import mean_ratio
 
+SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 MANY = Stopping(max_iterations=200, tol=1e-9, patience=5)
 
 
@@ -188,3 +193,18 @@ def test_inverted_elements():
     assert report.after.inverted == 1
     assert found.kind == "balance"
     assert "is not positive" in found.text
+
+
+@pytest.mark.parametrize("name", ["two_materials.msh", "plate_quads.msh", "mixed_solid.vtu", "panel.obj"])
+def test_looking_around_some_vertices_tells_what_they_may_do(name):
+    """The advice asks only the elements around the worst one what sliding would free."""
+    mesh = open_mesh(SAMPLES / name).mesh
+    domain = domain_of(mesh)
+
+    def dimension(part):
+        return features_of(part.points, part.interior, constraints_of(mesh, part)).freedom.dimension
+
+    everywhere = dimension(domain)
+    assert (everywhere[~domain.interior] > 0).any()
+    for vertices in np.random.default_rng(1).choice(np.flatnonzero(~domain.interior), (20, 4)):
+        assert np.array_equal(dimension(domain.around(vertices))[vertices], everywhere[vertices])
