@@ -66,7 +66,8 @@ def features_of(
         shortest = np.full(n_points, np.inf)
         length = _length(points[ridges[:, 1]] - points[ridges[:, 0]])
         np.minimum.at(shortest, ridges, length[:, None])
-        bound = np.fmin(2.0 * constraints.rounding / shortest[vertex], EXACT)
+        with np.errstate(divide="ignore", invalid="ignore"):  # edges without length
+            bound = np.fmin(2.0 * constraints.rounding / shortest[vertex], EXACT)
     smooth = (turn <= bound) & ~constraints.fixed[vertex]
     if volume:
         along = np.zeros(points.shape)
