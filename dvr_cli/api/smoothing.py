@@ -107,7 +107,7 @@ def _freed(
     mesh: Mesh, domain: Domain, boundary: str, selected: np.ndarray, vertices: np.ndarray
 ) -> np.ndarray:
     """(m,) bool: which of ``vertices`` (m,) could move with that treatment of the boundary."""
-    freedom = _freedom(mesh, domain.around(vertices), boundary, compiled=False).only(selected)
+    freedom = _freedom(mesh, domain.around(vertices), boundary).only(selected)
     return freedom.dimension[vertices] > 0
 
 
