@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.spatial import Delaunay
 
+from dvr_cli.mesh.freedom import Freedom
 from dvr_cli.mesh.mesh import Cells, Mesh
 
 KINDS = ("triangle", "quad", "tetra", "hexahedron", "wedge", "pyramid", "mixed2d", "mixed3d")
@@ -63,6 +64,17 @@ def delaunay(n: int, dimension: int, seed: int) -> Mesh:
     volume = np.linalg.det(points[simplices[:, 1:]] - points[simplices[:, :1]])
     simplices[volume < 0] = simplices[volume < 0][:, [1, 0, *range(2, dimension + 1)]]
     return Mesh(points, [Cells("triangle" if dimension == 2 else "tetra", simplices)])
+
+
+def random_freedom(domain, seed: int) -> Freedom:
+    """Interior vertices that move in random lines, random planes or anywhere, in turns of no order."""
+    rng = np.random.default_rng(seed)
+    d = domain.dimension
+    dimension = np.where(domain.interior, rng.integers(1, d + 1, len(domain.points)), 0).astype(np.uint8)
+    axis = rng.normal(size=(len(dimension), d))
+    axis /= np.linalg.norm(axis, axis=1)[:, None]
+    axis[(dimension == 0) | (dimension == d)] = 0.0
+    return Freedom(dimension, axis)
 
 
 def hexagon(rings: int) -> Mesh:

@@ -177,6 +177,17 @@ def test_options_reach_the_relaxation():
     assert runs[0].tobytes() != runs[1].tobytes()
 
 
+def test_the_paper_is_its_algorithm_1_with_that_many_sweeps():
+    """Random directions, natural order, no criterion but the number of sweeps."""
+    mesh = as_meshio(random_mesh("triangle", 1, n=6))
+    by_name, report = dvr_cli.smooth(mesh, preset="paper", max_iterations=40)
+    assert (report.stopped_because, len(report.sweeps)) == ("max-iterations", 40)
+    spelt_out, _ = dvr_cli.smooth(mesh, directions="random", order="natural", tol=0, max_iterations=40)
+    assert by_name.points.tobytes() == spelt_out.points.tobytes()
+    assert report.options["preset"] == "paper"
+    assert (report.options["order"], report.options["tol"]) == ("natural", 0)
+
+
 def test_fields_of_the_mesh_are_directions():
     mesh = random_mesh("tetra", 1)
     vectors = np.random.default_rng(0).normal(size=mesh.points.shape)
@@ -213,6 +224,10 @@ TRIANGLES = {"triangle": np.array([[0, 1, 2], [0, 2, 3]])}
     [
         ({"order": "random"}, "order"),
         ({"seed": -1}, "seed"),
+        ({"floor": 1.5}, "floor"),
+        ({"preset": "book"}, "preset"),
+        ({"preset": "paper", "directions": np.ones((4, 2))}, "directions"),
+        ({"preset": "paper", "tol": 0.5}, "tol"),
         ({"seed": 2**64}, "seed"),
         ({"directions": "up"}, "directions"),
         ({"directions": "file:nowhere.npy"}, "nowhere.npy"),

@@ -44,6 +44,9 @@ def smooth(
     layers: int = 0,
     vertices: Vertices | None = None,
     straighten: bool = False,
+    polish: bool = False,
+    floor: float = 0.999,
+    preset: str | None = None,
     engine: str = "auto",
     threads: int | None = None,
 ) -> tuple[Any, SmoothReport]:
@@ -54,7 +57,7 @@ def smooth(
     The options are those of ``dvr smooth``; see SmoothOptions, Selection and Stopping.
 
     Returns (mesh, report): a new ``meshio.Mesh`` with the same cells and data, or the new points (N, 2|3),
-    and a report with the same figures as the command's. The mesh quality never decreases.
+    and a report with the same figures as the command's. Q1 never decreases.
     Raises UsageError for wrong options, InputError for meshes that cannot be relaxed.
 
     >>> import numpy as np, dvr_cli
@@ -77,6 +80,9 @@ def smooth(
         layers=layers,
         vertices=vertices,
         straighten=straighten,
+        polish=polish,
+        floor=floor,
+        preset=preset,
         engine=engine,
         threads=threads,
         stopping=Stopping(max_iterations, tol, patience, target, time_limit),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,11 @@ from dvr_cli.relax.selection import Selection
 from dvr_cli.relax.stopping import Stopping
 
 BOUNDARIES = ("fixed", "slide")  # each frees the vertices of those before it, and more
+
+# What a preset fixes; "paper" is the paper's Algorithm 1, which makes a given number of sweeps.
+PRESETS: dict[str, dict[str, Any]] = {
+    "paper": {"directions": "random", "order": "natural", "polish": False, "tol": 0.0},
+}
 
 Directions = str | np.ndarray | Sequence[str | np.ndarray]
 Names = str | Sequence[str]
@@ -37,6 +42,8 @@ class SmoothOptions:
     fix, only, below, layers: see Selection; fix and only are one name or several. vertices: numbers from 0,
         or the path of a .npy, .csv or .txt file with them.
     straighten: take curved second-order cells as straight. stopping: when to stop.
+    polish: afterwards raise the mean quality, keeping all qualities above floor times the Q1 reached.
+    preset: "paper" for the paper's Algorithm 1: random directions, natural order, max_iterations sweeps.
     engine: "auto", "numpy" or "numba"; threads: by default all cores. Neither changes the result.
     """
 
@@ -52,24 +59,44 @@ class SmoothOptions:
     layers: int = 0
     vertices: Vertices | None = None
     straighten: bool = False
+    polish: bool = False
+    floor: float = 0.999
+    preset: str | None = None
     engine: str = "auto"
     threads: int | None = None
     stopping: Stopping = field(default_factory=Stopping)
 
     def __post_init__(self) -> None:
         """Check what can be checked without a mesh; raises UsageError, InputError for an unreadable array."""
+        if self.preset is not None:
+            self._take_preset(self.preset)
         if self.order not in ORDERS:
             raise UsageError(f"order: unknown {self.order!r}; known: {', '.join(ORDERS)}")
         if self.boundary not in BOUNDARIES:
             raise UsageError(f"boundary: unknown {self.boundary!r}; known: {', '.join(BOUNDARIES)}")
         if not 0 <= self.seed < 2**64:
             raise UsageError("seed: must be between 0 and 2^64 - 1")
+        if not 0 <= self.floor <= 1:
+            raise UsageError("floor: must be a fraction of Q1, from 0 to 1")
         chosen_engine(self.engine, 0, 0)
         checked_threads(self.threads)
         for entry in self.entries:
             if isinstance(entry, str):
                 check_name(entry)
         _ = self.selection  # which checks itself
+
+    def _take_preset(self, name: str) -> None:
+        """Set what the preset fixes; UsageError where something else was asked for."""
+        if name not in PRESETS:
+            raise UsageError(f"preset: unknown {name!r}; known: {', '.join(PRESETS)}")
+        for key, value in PRESETS[name].items():
+            owner: SmoothOptions | Stopping = self.stopping if key == "tol" else self
+            given = getattr(owner, key)
+            if not isinstance(given, str | int | float) or given not in (getattr(type(owner), key), value):
+                raise UsageError(f"preset {name}: leave out {key}, which it sets to {value}")
+            if owner is self:
+                object.__setattr__(self, key, value)
+        object.__setattr__(self, "stopping", replace(self.stopping, tol=PRESETS[name]["tol"]))
 
     @cached_property
     def entries(self) -> list[Entry]:
@@ -114,6 +141,9 @@ class SmoothOptions:
             "layers": int(self.layers),
             "vertices": _described(self.vertices),
             "straighten": bool(self.straighten),
+            "polish": bool(self.polish),
+            "floor": float(self.floor),
+            "preset": self.preset,
             "max_iterations": int(self.stopping.max_iterations),
             "tol": float(self.stopping.tol),
             "patience": int(self.stopping.patience),

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.choice import checked_threads, chosen_engine, make_engine
 from dvr_cli.relax.directions import direction_field, restricted
 from dvr_cli.relax.problem import build_problem
-from dvr_cli.relax.sweeps import Sweep, relax
+from dvr_cli.relax.sweeps import PHASES, Relaxation, Sweep, polish, relax
 from dvr_cli.report.limits import limit_of
 from dvr_cli.report.quality import Quality, measure
 from dvr_cli.report.records import SmoothReport, summarise
@@ -66,11 +66,23 @@ def smooth_mesh(
     directions = restricted(directions, freedom)
     before = measure(domain, mesh.points, relaxed)
     begin = time.perf_counter()
-    problem = build_problem(domain.corners, relaxed, domain.points, options.order, options.seed, compiled)
+    problem = build_problem(
+        domain.corners, relaxed, domain.points, options.order, options.seed, compiled, freedom
+    )
     engine = make_engine(engine_name, problem, checked_threads(options.threads))
     outcome = relax(engine, domain.points, directions, options.stopping, on_sweep, interrupted)
+    phases = [_phase("relax", outcome)]
+    flat, sweeps, stopped_because = outcome.points, outcome.sweeps, outcome.stopped_because
+    if options.polish and stopped_because not in ("interrupted", "time-limit", "nothing-to-relax"):
+        floor = max(options.floor * engine.q1(), before.q1 or 0.0)
+        left = options.stopping.less(time.perf_counter() - begin)
+        polished = polish(engine, floor, left, len(sweeps), on_sweep, interrupted)
+        phases.append({**_phase("polish", polished), "floor": floor})
+        flat, sweeps = polished.points, sweeps + polished.sweeps
+        if polished.stopped_because in ("interrupted", "time-limit"):
+            stopped_because = polished.stopped_because
     seconds = time.perf_counter() - begin
-    points, stopped_because = domain.lift(mesh.points, outcome.points), outcome.stopped_because
+    points = domain.lift(mesh.points, flat)
     if domain.is_tilted and _worse(measure(domain, points, relaxed), before):
         points, stopped_because = mesh.points.copy(), "rounding"
     points, after = _kept(domain, points, relaxed, before, storage)
@@ -85,7 +97,8 @@ def smooth_mesh(
         relaxed=len(relaxed),
         before=before,
         after=after,
-        sweeps=[asdict(sweep) for sweep in outcome.sweeps],
+        phases=phases,
+        sweeps=[asdict(sweep) for sweep in sweeps],
         stopped_because=stopped_because,
         limited_by=limited_by,
         seconds=seconds,
@@ -109,6 +122,16 @@ def _freed(
     """(m,) bool: which of ``vertices`` (m,) could move with that treatment of the boundary."""
     freedom = _freedom(mesh, domain.around(vertices), boundary).only(selected)
     return freedom.dimension[vertices] > 0
+
+
+def _phase(name: str, outcome: Relaxation) -> dict[str, Any]:
+    """A phase as the report gives it."""
+    return {
+        "phase": name,
+        "guarantee": PHASES[name],
+        "sweeps": len(outcome.sweeps),
+        "stopped_because": outcome.stopped_because,
+    }
 
 
 def _kept(

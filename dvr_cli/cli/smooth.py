@@ -29,8 +29,9 @@ def smooth(
             "--directions",
             metavar="SPEC",
             help="Along what vertices move: a comma-separated list, one entry a sweep, cycled, of random, x, "
-            "y, z, axis (= x,y[,z]), circumferential, radial, file:PATH (.npy, .csv or .txt), field:NAME (a "
-            "vector point field of IN).",
+            "y, z, axis (= x,y[,z]), circumferential, radial, steepest (ascent of the worst quality around), "
+            "optimal (steepest until none helps), file:PATH (.npy, .csv or .txt), field:NAME (a vector point "
+            "field of IN).",
         ),
     ] = "random",
     center: Annotated[
@@ -136,6 +137,23 @@ def smooth(
         bool,
         typer.Option("--straighten", help="Take curved second-order cells as straight instead of refusing."),
     ] = False,
+    polish: Annotated[
+        bool,
+        typer.Option("--polish", help="Afterwards raise the mean quality while Q1 stays above the floor."),
+    ] = False,
+    floor: Annotated[
+        float,
+        typer.Option(
+            parser=number(0, 1), metavar="F", help="The floor of --polish, as a fraction of the Q1 reached."
+        ),
+    ] = 0.999,
+    preset: Annotated[
+        Literal["paper"] | None,
+        typer.Option(
+            metavar="paper",
+            help="The paper's Algorithm 1: random directions, natural order, exactly N sweeps (-n).",
+        ),
+    ] = None,
     input_format: InputFormat = None,
     output_format: Annotated[
         str | None, typer.Option(metavar="NAME", help="Format of OUT; default: by its suffix.")
@@ -170,6 +188,9 @@ def smooth(
         layers=layers,
         vertices=vertices,
         straighten=straighten,
+        polish=polish,
+        floor=floor,
+        preset=preset,
         engine=engine,
         threads=threads,
         stopping=Stopping(max_iterations, tol, patience, target, time_limit),

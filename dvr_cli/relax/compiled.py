@@ -6,7 +6,7 @@ import numpy as np
 
 from dvr_cli.jit import compiled
 from dvr_cli.quality.compiled import corner_terms_2d, corner_terms_3d
-from dvr_cli.relax.kernel import badness
+from dvr_cli.relax.ring_kernel import badness
 
 
 @compiled

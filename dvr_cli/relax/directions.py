@@ -13,13 +13,16 @@ import numpy as np
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.freedom import Freedom, unit
+from dvr_cli.relax.steepest import OPTIMAL, STEEPEST, Ascent
 
-# (sweep k from 0, coordinates (n, d) of the relaxed vertices, their indices (n,)) -> (n, d)
-DirectionField = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
+# (sweep k from 0, coordinates (n, d) of the relaxed vertices, their indices (n,)) -> (n, d), or how to find
+# the directions of a batch when its turn comes
+DirectionField = Callable[[int, np.ndarray, np.ndarray], np.ndarray | Ascent]
 
 Entry = str | np.ndarray | tuple[str, np.ndarray]  # a name, an array, an array and its name in messages
 
-NAMES = ("random", "x", "y", "z", "axis", "circumferential", "radial")
+ASCENTS = {"steepest": STEEPEST, "optimal": OPTIMAL}
+NAMES = ("random", "x", "y", "z", "axis", "circumferential", "radial", *ASCENTS)
 
 
 def check_name(name: str) -> None:
@@ -33,7 +36,14 @@ def restricted(field: DirectionField, freedom: Freedom) -> DirectionField:
     """The part of a field that each vertex is free to follow, of unit length, or zero where there is none."""
     if not freedom.axis.any():
         return field
-    return lambda sweep, points, vertices: freedom.restrict(field(sweep, points, vertices), vertices)
+
+    def inside(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray | Ascent:
+        directions = field(sweep, points, vertices)
+        if isinstance(directions, Ascent):  # the engine keeps to the problem's freedom
+            return directions
+        return freedom.restrict(directions, vertices)
+
+    return inside
 
 
 def random_field(dimension: int, n_points: int, seed: int) -> DirectionField:
@@ -130,6 +140,8 @@ def direction_field(
             return array_field(_flat_vectors(vectors, name, domain), len(expanded))
         if entry == "random":
             return random_field(domain.dimension, len(domain.points), seed)
+        if entry in ASCENTS:
+            return lambda sweep, points, vertices: ASCENTS[entry]
         if entry in ("x", "y", "z"):
             return constant_field(_coordinate_axis(entry, domain))
         if entry == "circumferential":

@@ -9,6 +9,7 @@ import numpy as np
 from dvr_cli.mesh.corners import Corners
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.problem import Problem
+from dvr_cli.relax.steepest import Ascent
 
 
 class Engine(ABC):
@@ -52,12 +53,69 @@ class Engine(ABC):
         worst = Corners(touched.vertices[chosen], touched.shapes[chosen], touched.first)
         return float(corner_qualities(self._get(), worst).min())
 
+    def qualities(self) -> np.ndarray:
+        """(C,) quality of each corner with a relaxed vertex."""
+        return corner_qualities(self._get(), self.problem.touched)
+
+    def move_batch(self, batch: int, directions: np.ndarray | Ascent) -> int:
+        """Relax a batch along given directions (see ``relax_batch``) or those of steepest ascent.
+
+        Returns how many vertices moved.
+        """
+        if not isinstance(directions, Ascent):
+            return self.relax_batch(batch, directions)
+        lo, hi = self.problem.batch_start[batch : batch + 2].tolist()
+        before = self._get()[self.problem.rings.vertices[lo:hi]]
+        for band in directions.bands:
+            for _ in range(directions.searches):
+                if not self.relax_batch(batch, self.steepest(batch, band)):
+                    break
+        after = self._get()[self.problem.rings.vertices[lo:hi]]
+        return int((after != before).any(axis=1).sum())
+
+    def steepest(self, batch: int, band: float) -> np.ndarray:
+        """(m, d) directions of which those of a batch are of steepest ascent of their rings' minimum quality.
+
+        They hold for the coordinates as they are now; see ``steepest.steepest``. The others mean nothing.
+        """
+        return self._inside(batch, self._steepest(batch, band))
+
+    def mean_ascent(self, batch: int) -> np.ndarray:
+        """(m, d) directions of which those of a batch are along which their rings' sums of 1/Q fall fastest.
+
+        They hold for the coordinates as they are now; see ``mean.mean_ascent``. The others mean nothing.
+        """
+        return self._inside(batch, self._mean_ascent(batch))
+
+    def _inside(self, batch: int, directions: np.ndarray) -> np.ndarray:
+        """Clear the batch's directions of what rounding has left across lines and planes."""
+        freedom = self.problem.freedom
+        if freedom is not None:
+            lo, hi = self.problem.batch_start[batch : batch + 2].tolist()
+            directions[lo:hi] = freedom.restrict(directions[lo:hi], np.arange(lo, hi))
+        return directions
+
     @abstractmethod
     def relax_batch(self, batch: int, directions: np.ndarray) -> int:
         """Move each vertex of a batch to the best point of its line; returns how many moved.
 
         directions: (m, d), row i for ring i of the problem; a zero row leaves its vertex where it is.
         """
+
+    @abstractmethod
+    def polish_batch(self, batch: int, directions: np.ndarray, limit: float) -> int:
+        """Move each vertex of a batch to where the sum of 1/Q along its line is lowest above the floor.
+
+        directions: as for ``relax_batch``; limit: the badness at the floor. Returns how many moved.
+        """
+
+    @abstractmethod
+    def _steepest(self, batch: int, band: float) -> np.ndarray:
+        """The directions of ``steepest``, in lines and planes but for rounding."""
+
+    @abstractmethod
+    def _mean_ascent(self, batch: int) -> np.ndarray:
+        """The directions of ``mean_ascent``, in lines and planes but for rounding."""
 
     @abstractmethod
     def _worst_corner(self) -> tuple[int, float]:

@@ -265,11 +265,12 @@ def improves(before: np.ndarray, after: np.ndarray, dimension: int) -> np.ndarra
     error of v grows with the flatness of a corner, hence of B with sqrt(B) (3D) or B (2D): the margin covers
     it, so that min Q grows for any other order of the same arithmetic too, and no sign is in doubt.
     """
-    margin = 1.5 * dimension * GAIN + ROUNDING * _flatness(before, dimension)
-    certain = ROUNDING * _flatness(after, dimension) < 0.5
+    margin = 1.5 * dimension * GAIN + ROUNDING * flatness(before, dimension)
+    certain = ROUNDING * flatness(after, dimension) < 0.5
     with np.errstate(invalid="ignore"):
         return certain & ((before == np.inf) | (after * (1.0 + margin) < before))
 
 
-def _flatness(b: np.ndarray, dimension: int) -> np.ndarray:
+def flatness(b: np.ndarray, dimension: int) -> np.ndarray:
+    """What the relative rounding error of the badness b grows with; see ROUNDING."""
     return b if dimension == 2 else np.sqrt(b)

@@ -11,8 +11,11 @@ import numpy as np
 from dvr_cli.mesh.corners import SHAPES
 from dvr_cli.relax.compiled import worst_corner
 from dvr_cli.relax.engine import Engine
-from dvr_cli.relax.kernel import ROWS, WIDTH, relax_rings
+from dvr_cli.relax.kernel import relax_rings
+from dvr_cli.relax.mean_kernel import mean_directions, polish_rings
 from dvr_cli.relax.problem import Problem
+from dvr_cli.relax.ring_kernel import ROWS, WIDTH
+from dvr_cli.relax.steepest_kernel import steepest_directions
 
 _LEAST = 512  # rings or corners a thread is given at least: fewer cost more than they save
 
@@ -28,6 +31,17 @@ class NumbaEngine(Engine):
         self.threads = threads
         self._points = np.empty((0, problem.dimension))
         self._largest_ring = int(problem.rings.sizes.max(initial=0))
+        rings, table, freedom = problem.rings, SHAPES[problem.dimension], problem.freedom
+        self._arrays = (
+            *(rings.vertices, rings.start, rings.others, rings.shapes),
+            *(table.norm, table.slope, table.curvature),
+        )
+        self._within = (
+            (np.empty(0, dtype=bool), np.empty((0, problem.dimension)))
+            if freedom is None
+            else (freedom.dimension == 1, freedom.axis)
+        )
+        self._directions = np.zeros((len(rings.vertices), problem.dimension))
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def _set(self, points: np.ndarray) -> None:
@@ -37,15 +51,27 @@ class NumbaEngine(Engine):
         return self._points
 
     def relax_batch(self, batch: int, directions: np.ndarray) -> int:
-        lo, hi = self.problem.batch_start[batch : batch + 2].tolist()
-        return sum(self._in_parts(lambda a, b: self._relax(directions, a, b), lo, hi))
+        return sum(self._run(relax_rings, batch, directions))
 
-    def _relax(self, directions: np.ndarray, lo: int, hi: int) -> int:
-        rings, table = self.problem.rings, SHAPES[self.problem.dimension]
-        arrays = rings.vertices, rings.start, rings.others, rings.shapes
-        tables = table.norm, table.slope, table.curvature
-        scratch = np.zeros((ROWS, self._largest_ring + WIDTH))
-        return relax_rings(self._points, directions, lo, hi, *arrays, *tables, scratch)
+    def _steepest(self, batch: int, band: float) -> np.ndarray:
+        self._run(steepest_directions, batch, self._directions, *self._within, band)
+        return self._directions
+
+    def _mean_ascent(self, batch: int) -> np.ndarray:
+        self._run(mean_directions, batch, self._directions, *self._within)
+        return self._directions
+
+    def polish_batch(self, batch: int, directions: np.ndarray, limit: float) -> int:
+        return sum(self._run(polish_rings, batch, directions, limit))
+
+    def _run(self, kernel: Callable[..., Any], batch: int, directions: np.ndarray, *more: Any) -> list[Any]:
+        """What a kernel returns for the rings of a batch, part by part; more: its own arguments."""
+
+        def part(lo: int, hi: int) -> Any:
+            scratch = np.zeros((ROWS, self._largest_ring + WIDTH))
+            return kernel(self._points, directions, lo, hi, *self._arrays, *more, scratch)
+
+        return self._in_parts(part, *self.problem.batch_start[batch : batch + 2].tolist())
 
     def _worst_corner(self) -> tuple[int, float]:
         touched, norm = self.problem.touched, SHAPES[self.problem.dimension].norm

@@ -13,7 +13,9 @@ from dvr_cli.mesh.simplex import Components, chunks, dot, edges_and_determinant,
 from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.engine import Engine
 from dvr_cli.relax.line import badness, coefficients, improves, maximise_minimum
+from dvr_cli.relax.mean import keeps, lowest_sum, mean_ascent, sum_of_inverses
 from dvr_cli.relax.problem import Problem
+from dvr_cli.relax.steepest import steepest
 
 _CHUNK_CORNERS = 32768  # corners worked on at a time: small enough for the cache, large enough for NumPy
 
@@ -24,12 +26,14 @@ class _Chunk:
 
     rings: (n,) their numbers among the problem's rings.
     vertices: (n,); ends: (d, K, n) other vertices of each corner; shapes: (K, n) or (1, 1) if all are equal.
+    real: (K, n) bool, which corners are not padding.
     """
 
     rings: np.ndarray
     vertices: np.ndarray
     ends: np.ndarray
     shapes: np.ndarray
+    real: np.ndarray
 
 
 class NumpyEngine(Engine):
@@ -41,6 +45,7 @@ class NumpyEngine(Engine):
         super().__init__(problem)
         self._dimension = problem.dimension
         self._coordinates = np.empty((problem.dimension, 0))
+        self._directions = np.zeros((len(problem.rings.vertices), problem.dimension))
         self._batches = [list(_chunks(problem, lo, hi)) for lo, hi in pairwise(problem.batch_start.tolist())]
 
     def _set(self, points: np.ndarray) -> None:
@@ -55,39 +60,98 @@ class NumpyEngine(Engine):
         worst, largest = 0, -1.0
         for chunk in chunks(len(touched.vertices)):
             edges, v = edges_and_determinant(self._get(), touched.vertices[chunk])
-            here = self._badness(v, edges, norm[touched.shapes[chunk, 0]].T)
+            s = weighted_norm(edges, norm[touched.shapes[chunk, 0]].T)
+            with np.errstate(all="ignore"):  # a degenerate corner is not positive, whatever s/v says
+                here = badness(v, s, self._dimension)
             if here.max() > largest:
                 worst, largest = chunk.start + int(here.argmax()), float(here.max())
         return worst, largest
 
-    def _badness(self, v: np.ndarray, edges: Sequence[Components], norm: Sequence[np.ndarray]) -> np.ndarray:
-        with np.errstate(all="ignore"):  # a degenerate corner is not positive, whatever s/v says
-            return badness(v, weighted_norm(edges, norm), self._dimension)
-
     def relax_batch(self, batch: int, directions: np.ndarray) -> int:
         return sum(self._relax_chunk(chunk, directions) for chunk in self._batches[batch])
 
-    def _relax_chunk(self, chunk: _Chunk, directions: np.ndarray) -> int:
+    def _steepest(self, batch: int, band: float) -> np.ndarray:
+        for chunk in self._batches[batch]:
+            x, ends, norm, slope, _ = self._ring(chunk)
+            found = steepest(x, ends, norm, slope, self._within(chunk), band)
+            self._directions[chunk.rings] = np.stack(found, axis=1)
+        return self._directions
+
+    def _mean_ascent(self, batch: int) -> np.ndarray:
+        for chunk in self._batches[batch]:
+            x, ends, norm, slope, _ = self._ring(chunk)
+            found = mean_ascent(x, ends, norm, slope, self._within(chunk), chunk.real)
+            self._directions[chunk.rings] = np.stack(found, axis=1)
+        return self._directions
+
+    def polish_batch(self, batch: int, directions: np.ndarray, limit: float) -> int:
+        return sum(self._polish_chunk(chunk, directions, limit) for chunk in self._batches[batch])
+
+    def _within(self, chunk: _Chunk) -> tuple[np.ndarray, list[np.ndarray]] | None:
+        """What the chunk's vertices are free to follow; see ``steepest.restrict``."""
+        freedom = self.problem.freedom
+        if freedom is None:
+            return None
+        return freedom.dimension[chunk.rings] == 1, list(freedom.axis[chunk.rings].T)
+
+    def _ring(
+        self, chunk: _Chunk
+    ) -> tuple[list[np.ndarray], list[list[np.ndarray]], list[np.ndarray], list[np.ndarray], np.ndarray]:
+        """x, ends, norm, slope and curvature of the chunk's rings, as ``line.coefficients`` takes them."""
         table = SHAPES[self._dimension]
-        norm = table.norm[chunk.shapes].transpose(2, 0, 1)
-        slope = table.slope[chunk.shapes].transpose(2, 0, 1)
+        norm = list(table.norm[chunk.shapes].transpose(2, 0, 1))
+        slope = list(table.slope[chunk.shapes].transpose(2, 0, 1))
         ends = [[component[end] for component in self._coordinates] for end in chunk.ends]
         x = [component[chunk.vertices] for component in self._coordinates]
-        direction = list(directions[chunk.rings].T)
-        lines = coefficients(x, direction, ends, norm, slope, table.curvature[chunk.shapes])
-        step, before = maximise_minimum(lines)
+        return x, ends, norm, slope, table.curvature[chunk.shapes]
 
+    def _relax_chunk(self, chunk: _Chunk, directions: np.ndarray) -> int:
+        x, ends, norm, slope, curvature = self._ring(chunk)
+        direction = list(directions[chunk.rings].T)
+        lines = coefficients(x, direction, ends, norm, slope, curvature)
+        step, before = maximise_minimum(lines)
         moving = np.flatnonzero(step != 0.0)
         if not len(moving):
             return 0
+        target, v, s = self._measured(x, direction, step, ends, norm, moving)
+        with np.errstate(all="ignore"):
+            after = badness(v, s, self._dimension).max(axis=0)
+        better = improves(before[moving], after, self._dimension)
+        return self._move(chunk, moving, target, better)
+
+    def _polish_chunk(self, chunk: _Chunk, directions: np.ndarray, limit: float) -> int:
+        x, ends, norm, slope, curvature = self._ring(chunk)
+        direction = list(directions[chunk.rings].T)
+        lines = coefficients(x, direction, ends, norm, slope, curvature)
+        step, before = lowest_sum(lines, chunk.real, limit)
+        moving = np.flatnonzero(step != 0.0)
+        if not len(moving):
+            return 0
+        target, v, s = self._measured(x, direction, step, ends, norm, moving)
+        with np.errstate(all="ignore"):
+            largest = badness(v, s, self._dimension).max(axis=0)
+            after = sum_of_inverses(v, s, chunk.real[:, moving], self._dimension)
+        better = keeps(before[moving], after, largest, limit, self._dimension)
+        return self._move(chunk, moving, target, better)
+
+    def _measured(
+        self,
+        x: Components,
+        direction: Components,
+        step: np.ndarray,
+        ends: Sequence[Components],
+        norm: Sequence[np.ndarray],
+        moving: np.ndarray,
+    ) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+        """Where some of a chunk's vertices would go, as rounded, and v and s of their corners there."""
         target = [xi[moving] + step[moving] * di[moving] for xi, di in zip(x, direction, strict=True)]
         ends = [[component[:, moving] for component in end] for end in ends]
         edges = [subtract(end, target) for end in ends]
-        if chunk.shapes.size > 1:
-            norm = norm[:, :, moving]
-        v = dot(edges[0], opposite_normal(ends))
-        after = self._badness(v, edges, norm).max(axis=0)
-        better = improves(before[moving], after, self._dimension)
+        if norm[0].size > 1:
+            norm = [row[:, moving] for row in norm]
+        return target, dot(edges[0], opposite_normal(ends)), weighted_norm(edges, norm)
+
+    def _move(self, chunk: _Chunk, moving: np.ndarray, target: Components, better: np.ndarray) -> int:
         moved = chunk.vertices[moving[better]]
         for component, value in zip(self._coordinates, target, strict=True):
             component[moved] = value[better]
@@ -111,5 +175,6 @@ def _chunks(problem: Problem, lo: int, hi: int) -> Iterator[_Chunk]:
             vertices=rings.vertices[part].astype(np.intp),
             ends=np.ascontiguousarray(rings.others[entry].transpose(2, 0, 1), dtype=np.intp),
             shapes=shapes if shapes.min() != shapes.max() else shapes[:1, :1],
+            real=np.arange(sizes[n - 1])[:, None] < sizes[:n],
         )
         batch, sizes = batch[n:], sizes[n:]

@@ -14,6 +14,7 @@ import numpy as np
 from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.curve import curve_order
+from dvr_cli.mesh.freedom import Freedom
 from dvr_cli.mesh.rings import Rings, incidence_of
 from dvr_cli.relax.schedule import batches
 
@@ -27,6 +28,7 @@ class Problem:
     batch_start: (B + 1,) the rings of batch b are batch_start[b] .. batch_start[b+1].
     touched: the corners with a relaxed vertex, over which Q1 is taken.
     dimension: 2 or 3.
+    freedom: how far the vertex of each ring may move, one row a ring; None where all move anywhere.
     """
 
     order: np.ndarray
@@ -34,6 +36,7 @@ class Problem:
     batch_start: np.ndarray
     touched: Corners
     dimension: int
+    freedom: Freedom | None = None
 
     @property
     def relaxed(self) -> np.ndarray:
@@ -48,11 +51,12 @@ def build_problem(
     order: str = "coloured",
     seed: int = 0,
     compiled: bool = False,
+    freedom: Freedom | None = None,
 ) -> Problem:
     """The problem of relaxing the vertices ``relaxed`` (I_R, in this order) of a mesh with these corners.
 
     points: (N, d); order: "coloured", "natural" or "shuffled", see ``schedule.batches``; compiled: use the
-    compiled set-up, which gives the same problem.
+    compiled set-up, which gives the same problem; freedom: how far they may move, by default anywhere.
     """
     n_points = len(points)
     along_curve = curve_order(points)
@@ -65,12 +69,14 @@ def build_problem(
     incidence = incidence_of(touched, vertices, n_points, compiled)
     parts = batches(incidence, order, seed, compiled, np.searchsorted(vertices, number[relaxed]))
     sequence = np.concatenate([np.empty(0, dtype=np.int64), *parts])
+    rings = incidence.rings(touched, sequence, compiled)
     return Problem(
         order=along_curve,
-        rings=incidence.rings(touched, sequence, compiled),
+        rings=rings,
         batch_start=np.concatenate([[0], np.cumsum([len(part) for part in parts], dtype=np.int64)]),
         touched=touched,
         dimension=corners.dimension,
+        freedom=_of_rings(freedom, along_curve[rings.vertices]),
     )
 
 
@@ -84,3 +90,9 @@ def _along_curve(corners: Corners, moves: np.ndarray, number: np.ndarray, compil
     vertices = number[corners.vertices[touched]]
     order = group(vertices.min(axis=1), len(number))[0]
     return Corners(vertices[order], corners.shapes[touched[order]], corners.first[:1])
+
+
+def _of_rings(freedom: Freedom | None, vertices: np.ndarray) -> Freedom | None:
+    if freedom is None or not freedom.axis.any():
+        return None
+    return Freedom(freedom.dimension[vertices], freedom.axis[vertices])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from dvr_cli.errors import UsageError
@@ -40,6 +40,12 @@ class Stopping:
             raise UsageError("target: must be a quality, from -1 to 1")
         if self.time_limit is not None and not 0 <= self.time_limit < math.inf:
             raise UsageError("time-limit: must be a number that is not negative")
+
+    def less(self, seconds: float) -> Stopping:
+        """The same criteria after so many seconds of the time limit have gone."""
+        return (
+            self if self.time_limit is None else replace(self, time_limit=max(0.0, self.time_limit - seconds))
+        )
 
     def reason(self, q1: Sequence[float], seconds: float) -> str | None:
         """Why to stop now, or None; q1 holds Q1 of the input and after each sweep so far."""

@@ -1,4 +1,7 @@
-"""The sweep loop: the paper's Algorithm 1 over batches, until a criterion is met or it is interrupted."""
+"""The sweep loops: the paper's Algorithm 1 over batches, and polishing, until a criterion is met.
+
+Each is a phase of a run with a guarantee of its own, see PHASES.
+"""
 
 from __future__ import annotations
 
@@ -12,20 +15,31 @@ from dvr_cli.relax.directions import DirectionField
 from dvr_cli.relax.engine import Engine
 from dvr_cli.relax.stopping import Stopping
 
+# What holds after every batch of a phase.
+PHASES = {
+    "relax": "the quality vector never decreases in the paper's ordering, so neither does Q1",
+    "polish": "Q1 stays at or above the floor, and that of the input; other components may decrease",
+}
+
 
 @dataclass(frozen=True)
 class Sweep:
-    """What one sweep did: its number from 1, Q1 after it, how many vertices moved, seconds it took."""
+    """What one sweep did: its number from 1, its phase, Q1 after it, vertices moved, seconds taken.
+
+    mean: after a sweep of polishing, the mean quality of the corners with a relaxed vertex.
+    """
 
     sweep: int
+    phase: str
     q1: float
     moved: int
     seconds: float
+    mean: float | None = None
 
 
 @dataclass(frozen=True)
 class Relaxation:
-    """The result of relaxing: coordinates (N, d), the sweeps done, why they stopped."""
+    """The result of a phase: coordinates (N, d), the sweeps done, why they stopped."""
 
     points: np.ndarray
     sweeps: list[Sweep]
@@ -57,13 +71,57 @@ def relax(
         directions = field(len(sweeps), engine.relaxed_points, vertices)
         moved = 0
         for batch in range(engine.batches):
-            moved += engine.relax_batch(batch, directions)
-            if interrupted():
-                return Relaxation(engine.points, sweeps, "interrupted")
-            if stopping.time_limit is not None and time.perf_counter() - begin >= stopping.time_limit:
-                return Relaxation(engine.points, sweeps, "time-limit")
+            moved += engine.move_batch(batch, directions)
+            if (cut := _cut(begin, stopping, interrupted)) is not None:
+                return Relaxation(engine.points, sweeps, cut)
         history.append(engine.q1())
-        sweeps.append(Sweep(len(sweeps) + 1, history[-1], moved, time.perf_counter() - start))
+        sweeps.append(Sweep(len(sweeps) + 1, "relax", history[-1], moved, time.perf_counter() - start))
         if on_sweep is not None:
             on_sweep(sweeps[-1])
     return Relaxation(engine.points, sweeps, reason)
+
+
+def polish(
+    engine: Engine,
+    floor: float,
+    stopping: Stopping,
+    done: int = 0,
+    on_sweep: Callable[[Sweep], None] | None = None,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> Relaxation:
+    """Raise the mean quality from where the engine is, with no quality that is above the floor falling below.
+
+    Each vertex moves along the direction in which the sum of 1/Q around it falls fastest, to where that sum
+    is lowest. Stops when the mean grows by less than ``stopping.tol`` in a sweep, and after its
+    max_iterations and time_limit. done: how many sweeps came before. on_sweep, interrupted: see ``relax``.
+    """
+    d = engine.problem.dimension
+    limit = floor ** (-d * (d - 1) / 2) if floor > 0 else np.inf
+    begin = time.perf_counter()
+    mean = float(engine.qualities().mean())
+    sweeps: list[Sweep] = []
+    while len(sweeps) < stopping.max_iterations:
+        start = time.perf_counter()
+        moved = 0
+        for batch in range(engine.batches):
+            moved += engine.polish_batch(batch, engine.mean_ascent(batch), limit)
+            if (cut := _cut(begin, stopping, interrupted)) is not None:
+                return Relaxation(engine.points, sweeps, cut)
+        qualities = engine.qualities()
+        growth, mean = float(qualities.mean()) - mean, float(qualities.mean())
+        seconds = time.perf_counter() - start
+        sweeps.append(Sweep(done + len(sweeps) + 1, "polish", float(qualities.min()), moved, seconds, mean))
+        if on_sweep is not None:
+            on_sweep(sweeps[-1])
+        if growth < stopping.tol:
+            return Relaxation(engine.points, sweeps, "converged")
+    return Relaxation(engine.points, sweeps, "max-iterations")
+
+
+def _cut(begin: float, stopping: Stopping, interrupted: Callable[[], bool]) -> str | None:
+    """Why to stop in the middle of a sweep, or None."""
+    if interrupted():
+        return "interrupted"
+    if stopping.time_limit is not None and time.perf_counter() - begin >= stopping.time_limit:
+        return "time-limit"
+    return None

@@ -55,7 +55,10 @@ class QualityReport:
 class SmoothReport:
     """The report of ``dvr smooth``: qualities before and after, each sweep, and how it was run.
 
-    sweeps: for each its number from 1 (sweep), Q1 after it (q1), vertices moved and seconds taken.
+    phases: "relax" and, if asked for, "polish": for each what it guarantees, how many sweeps it took, why it
+        stopped; for polishing the floor, below which no quality fell that was not below it before.
+    sweeps: for each its number from 1 (sweep), its phase, Q1 after it (q1), vertices moved, seconds taken,
+        and when polishing the mean quality of the corners with a relaxed vertex (mean, else null).
     stopped_because: "converged", "max-iterations", "target", "time-limit", "interrupted",
         "nothing-to-relax", or "rounding" when rounding would undo the gain and the mesh was left as it was.
     limited_by: what holds the worst element where relaxing on would not, None if that is not known.
@@ -66,6 +69,7 @@ class SmoothReport:
     relaxed: int
     before: Quality
     after: Quality
+    phases: list[dict[str, Any]]
     sweeps: list[dict[str, Any]]
     stopped_because: str
     limited_by: Limit | None
@@ -90,6 +94,7 @@ class SmoothReport:
             "quality": after,
             "before": _quality_record(self.before),
             "after": after,
+            "phases": self.phases,
             "sweeps": self.sweeps,
             "stopped_because": self.stopped_because,
             "limited_by": None if self.limited_by is None else asdict(self.limited_by),

@@ -48,6 +48,7 @@ def smooth_text(report: SmoothReport, source: str, output: str) -> str:
         f"{report.seconds:.3f} s",
         *_side_by_side(report.before, report.after, mesh.dimension),
         _why_stopped(report),
+        *_polished(report),
         *_limit(report.limited_by),
         *_notes(mesh),
     ]
@@ -75,9 +76,13 @@ def comparison_text(comparison: Comparison, before: str, after: str) -> str:
     )
 
 
-def sweep_line(sweep: int, q1: float, moved: int, seconds: float) -> str:
-    """What one sweep did, in one line."""
-    return f"sweep {sweep:3d}  Q1 {_number(q1)}  moved {moved}  {seconds:.2f} s"
+def sweep_line(
+    sweep: int, phase: str, q1: float, moved: int, seconds: float, mean: float | None = None
+) -> str:
+    """What one sweep did, in one line; a phase other than relaxing is named."""
+    name = "" if phase == "relax" else f"  {phase}"
+    average = "" if mean is None else f"  mean {_number(mean)}"
+    return f"sweep {sweep:3d}{name}  Q1 {_number(q1)}{average}  moved {moved}  {seconds:.2f} s"
 
 
 def gate_failure(quality: Quality, limit: float) -> str:
@@ -136,6 +141,15 @@ def _why_stopped(report: SmoothReport) -> str:
 
 def _limit(limit: Limit | None) -> list[str]:
     return [] if limit is None else [f"limited: {limit.text}", f"advice: {limit.advice}"]
+
+
+def _polished(report: SmoothReport) -> list[str]:
+    return [
+        f"polished in {_count(phase['sweeps'], 'sweep')}: the mean raised, Q1 kept above "
+        f"{_number(phase['floor'])}"
+        for phase in report.phases
+        if phase["phase"] == "polish"
+    ]
 
 
 def _notes(mesh: MeshSummary) -> list[str]:

@@ -20,9 +20,10 @@ from dvr_cli.relax.directions import direction_field
 from dvr_cli.relax.numpy_engine import NumpyEngine
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.schedule import ORDERS
+from dvr_cli.relax.steepest import OPTIMAL, STEEPEST
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.relax.sweeps import relax
-from meshes import KINDS, delaunay, hexagon, random_mesh
+from meshes import KINDS, delaunay, hexagon, random_freedom, random_mesh
 from needs import require
 
 require("numba")
@@ -35,7 +36,7 @@ SAMPLES = sorted(
     for path in (Path(__file__).parents[2] / "sample_meshes").iterdir()
     if path.suffix in (".msh", ".vtk", ".vtu", ".obj")
 )
-DIRECTIONS = ("random", "axis", "circumferential", "radial", "random,x,radial")
+DIRECTIONS = ("random", "axis", "circumferential", "radial", "random,x,radial", "steepest,random", "optimal")
 
 
 @pytest.fixture(autouse=True)
@@ -90,6 +91,44 @@ def test_same_bytes_whatever_the_mesh(kind, seed, noise, scale):
     assert result(scaled, "numba", seed=seed) == result(scaled, "numpy", seed=seed)
 
 
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from(KINDS),
+    st.integers(0, 10**6),
+    st.floats(0, 0.9),
+    st.integers(-30, 30),
+    st.booleans(),
+    st.sampled_from([1, 3]),
+)
+def test_same_bytes_where_directions_follow_the_ring(kind, seed, noise, scale, whole, threads):
+    """Steepest ascent, the optimum and polishing, with and without restricted freedom."""
+    mesh = random_mesh(kind, seed, n=2, noise=noise)
+    mesh = Mesh(mesh.points * 2.0**scale, mesh.cells)
+    domain = domain_of(mesh)
+    freedom = None if whole else random_freedom(domain, seed)
+    relaxed = np.flatnonzero(domain.interior)
+    problem = build_problem(domain.corners, relaxed, domain.points, freedom=freedom)
+    directions = np.random.default_rng(seed).normal(size=(len(relaxed), domain.dimension))
+    reached = []
+    for engine in (NumpyEngine(problem), NumbaEngine(problem, threads)):
+        engine.load(domain.points)
+        moved = [engine.move_batch(b, how) for how in (STEEPEST, OPTIMAL) for b in range(engine.batches)]
+        q1 = engine.q1()
+        limit = 1.01 * q1 ** (-1 if domain.dimension == 2 else -3) if q1 > 0 else np.inf
+        for batch in range(engine.batches):
+            moved.append(engine.polish_batch(batch, engine.mean_ascent(batch), limit))
+            moved.append(engine.polish_batch(batch, directions, limit))
+        reached.append((engine.points.tobytes(), moved))
+    assert reached[0] == reached[1]
+
+
+@pytest.mark.parametrize("kind", ["triangle", "tetra"])
+def test_same_bytes_and_report_of_all_phases(kind):
+    mesh = random_mesh(kind, 4, n=4)
+    options = {"directions": "steepest,random", "polish": True, "sweeps": 6}
+    assert result(mesh, "numba", threads=2, **options) == result(mesh, "numpy", **options)
+
+
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10**6), st.sampled_from([2, 3]), st.floats(0.0, 3.0))
 def test_same_bytes_for_tangled_meshes(seed, dimension, mess):
@@ -99,7 +138,9 @@ def test_same_bytes_for_tangled_meshes(seed, dimension, mess):
     points = mesh.points.copy()
     points[domain.interior] += 0.1 * mess * rng.normal(size=(int(domain.interior.sum()), dimension))
     tangled = Mesh(points, mesh.cells)
-    assert result(tangled, "numba") == result(tangled, "numpy")
+    for directions in ("random", "steepest"):
+        one, other = (result(tangled, engine, directions=directions) for engine in ("numba", "numpy"))
+        assert one == other
 
 
 def test_same_bytes_for_flat_and_degenerate_elements():
@@ -160,7 +201,14 @@ from dvr_cli.relax.stopping import Stopping
 with np.errstate(all="ignore"):
     for kind in {kinds!r}:
         points, report = smooth_mesh(
-            random_mesh(kind, 1), SmoothOptions(engine="numba", threads=2, stopping=Stopping(3, 0.0))
+            random_mesh(kind, 1),
+            SmoothOptions(
+                directions="steepest,random",
+                polish=True,
+                engine="numba",
+                threads=2,
+                stopping=Stopping(3, 0.0),
+            ),
         )
         assert report.engine == "numba"
         print(points.tobytes().hex())
@@ -185,7 +233,8 @@ def in_a_process(kinds, **environment):
 def test_the_kernel_is_plain_python():
     """With the compiler switched off the same code gives the same bytes."""
     kinds = ["triangle", "quad", "tetra", "mixed3d"]
-    expected = [result(random_mesh(kind, 1), "numpy", sweeps=3)[0].hex() for kind in kinds]
+    options = {"sweeps": 3, "directions": "steepest,random", "polish": True}
+    expected = [result(random_mesh(kind, 1), "numpy", **options)[0].hex() for kind in kinds]
     assert in_a_process(kinds, NUMBA_DISABLE_JIT="1") == expected
 
 

@@ -228,7 +228,9 @@ def test_smooth_record_has_the_promised_keys():
     assert record["quality"] == record["after"]
     assert record["after"]["q1"] > record["before"]["q1"]
     assert [sweep["sweep"] for sweep in record["sweeps"]] == [1, 2, 3, 4]
-    assert all(sweep.keys() == {"sweep", "q1", "moved", "seconds"} for sweep in record["sweeps"])
+    assert all(
+        sweep.keys() == {"sweep", "phase", "q1", "moved", "seconds", "mean"} for sweep in record["sweeps"]
+    )
     assert record["stopped_because"] == "max-iterations"
     assert record["seed"] == record["options"]["seed"] == 7
     assert record["options"]["max_iterations"] == 4
