@@ -77,6 +77,13 @@ def random_freedom(domain, seed: int) -> Freedom:
     return Freedom(dimension, axis)
 
 
+def outside(freedom: Freedom, shift: np.ndarray) -> np.ndarray:
+    """(N, d) the part of the vertices' shifts (N, d) that leaves their lines and planes."""
+    along = (shift * freedom.axis).sum(axis=1, keepdims=True) * freedom.axis
+    left = np.where((freedom.dimension == 1)[:, None], shift - along, along)
+    return np.where((freedom.dimension == 0)[:, None], shift, left)
+
+
 def hexagon(rings: int) -> Mesh:
     """A hexagon of radius 1 with ``rings`` rings of equilateral triangles around its centre (paper 5.2)."""
     q, r = np.meshgrid(np.arange(-rings, rings + 1), np.arange(-rings, rings + 1), indexing="ij")
