@@ -22,7 +22,7 @@ BOUNDARIES = ("fixed", "slide")  # each frees the vertices of those before it, a
 
 # What a preset fixes; "paper" is the paper's Algorithm 1, which makes a given number of sweeps.
 PRESETS: dict[str, dict[str, Any]] = {
-    "paper": {"directions": "random", "order": "natural", "polish": False, "tol": 0.0},
+    "paper": {"directions": "random", "order": "natural", "patches": False, "polish": False, "tol": 0.0},
 }
 
 Directions = str | np.ndarray | Sequence[str | np.ndarray]
@@ -42,6 +42,7 @@ class SmoothOptions:
     fix, only, below, layers: see Selection; fix and only are one name or several. vertices: numbers from 0,
         or the path of a .npy, .csv or .txt file with them.
     straighten: take curved second-order cells as straight. stopping: when to stop.
+    patches: after the sweeps move the surroundings of the worst elements jointly, worst first.
     polish: afterwards raise the mean quality, keeping all qualities above floor times the Q1 reached.
     preset: "paper" for the paper's Algorithm 1: random directions, natural order, max_iterations sweeps.
     engine: "auto", "numpy" or "numba"; threads: by default all cores. Neither changes the result.
@@ -59,6 +60,7 @@ class SmoothOptions:
     layers: int = 0
     vertices: Vertices | None = None
     straighten: bool = False
+    patches: bool = False
     polish: bool = False
     floor: float = 0.999
     preset: str | None = None
@@ -141,6 +143,7 @@ class SmoothOptions:
             "layers": int(self.layers),
             "vertices": _described(self.vertices),
             "straighten": bool(self.straighten),
+            "patches": bool(self.patches),
             "polish": bool(self.polish),
             "floor": float(self.floor),
             "preset": self.preset,

@@ -19,6 +19,7 @@ from dvr_cli.mesh.freedom import Freedom, interior_freedom
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.choice import checked_threads, chosen_engine, make_engine
 from dvr_cli.relax.directions import direction_field, restricted
+from dvr_cli.relax.patches import relax_patches
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.sweeps import PHASES, Relaxation, Sweep, polish, relax
 from dvr_cli.report.limits import limit_of
@@ -52,7 +53,9 @@ def smooth_mesh(
 
     Raises OutputError if rounding in the storage would make the mesh worse than it was.
     """
-    engine_name = chosen_engine(options.engine, len(mesh.points), options.stopping.max_iterations)
+    engine_name = chosen_engine(
+        options.engine, len(mesh.points), options.stopping.max_iterations, options.patches
+    )
     compiled = engine_name == "numba"
     domain = domain_of(mesh, options.straighten, compiled)
     movable = _freedom(mesh, domain, options.boundary).only(mesh.unlinked)
@@ -73,6 +76,12 @@ def smooth_mesh(
     outcome = relax(engine, domain.points, directions, options.stopping, on_sweep, interrupted)
     phases = [_phase("relax", outcome)]
     flat, sweeps, stopped_because = outcome.points, outcome.sweeps, outcome.stopped_because
+    if options.patches and stopped_because in ("converged", "max-iterations"):
+        left = options.stopping.less(time.perf_counter() - begin)
+        patched = relax_patches(engine, left, len(sweeps), on_sweep, interrupted)
+        phases.append(_phase("patches", patched))
+        flat, sweeps = patched.points, sweeps + patched.sweeps
+        stopped_because = patched.stopped_because
     if options.polish and stopped_because not in ("interrupted", "time-limit", "nothing-to-relax"):
         floor = max(options.floor * engine.q1(), before.q1 or 0.0)
         left = options.stopping.less(time.perf_counter() - begin)

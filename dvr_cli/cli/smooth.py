@@ -137,6 +137,14 @@ def smooth(
         bool,
         typer.Option("--straighten", help="Take curved second-order cells as straight instead of refusing."),
     ] = False,
+    patches: Annotated[
+        bool,
+        typer.Option(
+            "--patches/--no-patches",
+            help="After the sweeps move the surroundings of the worst elements jointly, worst first, as long "
+            "as Q1 grows.",
+        ),
+    ] = False,
     polish: Annotated[
         bool,
         typer.Option("--polish", help="Afterwards raise the mean quality while Q1 stays above the floor."),
@@ -188,6 +196,7 @@ def smooth(
         layers=layers,
         vertices=vertices,
         straighten=straighten,
+        patches=patches,
         polish=polish,
         floor=floor,
         preset=preset,

@@ -68,7 +68,7 @@ def relax_rings(
             after = largest_badness_2d(x0, x1, n, scratch)
         else:
             after = largest_badness_3d(x0, x1, x2, n, scratch)
-        if _improves(before, after, d):
+        if improves(before, after, d):
             points[vertex, 0], points[vertex, 1] = x0, x1
             if d == 3:
                 points[vertex, 2] = x2
@@ -220,7 +220,7 @@ def _crossing(lines: np.ndarray, a: int, b: int, left: float, right: float, d: i
 
 
 @compiled
-def _improves(before: float, after: float, d: int) -> bool:
+def improves(before: float, after: float, d: int) -> bool:
     margin = 1.5 * d * GAIN + ROUNDING * (before if d == 2 else np.sqrt(before))
     certain = ROUNDING * (after if d == 2 else np.sqrt(after)) < 0.5
     return certain and (before == np.inf or after * (1.0 + margin) < before)

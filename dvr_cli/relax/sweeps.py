@@ -18,6 +18,7 @@ from dvr_cli.relax.stopping import Stopping
 # What holds after every batch of a phase.
 PHASES = {
     "relax": "the quality vector never decreases in the paper's ordering, so neither does Q1",
+    "patches": "the quality vector never decreases in the paper's ordering, so neither does Q1",
     "polish": "Q1 stays at or above the floor, and that of the input; other components may decrease",
 }
 
@@ -72,7 +73,7 @@ def relax(
         moved = 0
         for batch in range(engine.batches):
             moved += engine.move_batch(batch, directions)
-            if (cut := _cut(begin, stopping, interrupted)) is not None:
+            if (cut := cut_short(begin, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
         history.append(engine.q1())
         sweeps.append(Sweep(len(sweeps) + 1, "relax", history[-1], moved, time.perf_counter() - start))
@@ -105,7 +106,7 @@ def polish(
         moved = 0
         for batch in range(engine.batches):
             moved += engine.polish_batch(batch, engine.mean_ascent(batch), limit)
-            if (cut := _cut(begin, stopping, interrupted)) is not None:
+            if (cut := cut_short(begin, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
         qualities = engine.qualities()
         growth, mean = float(qualities.mean()) - mean, float(qualities.mean())
@@ -118,7 +119,7 @@ def polish(
     return Relaxation(engine.points, sweeps, "max-iterations")
 
 
-def _cut(begin: float, stopping: Stopping, interrupted: Callable[[], bool]) -> str | None:
+def cut_short(begin: float, stopping: Stopping, interrupted: Callable[[], bool]) -> str | None:
     """Why to stop in the middle of a sweep, or None."""
     if interrupted():
         return "interrupted"

@@ -55,8 +55,9 @@ class QualityReport:
 class SmoothReport:
     """The report of ``dvr smooth``: qualities before and after, each sweep, and how it was run.
 
-    phases: "relax" and, if asked for, "polish": for each what it guarantees, how many sweeps it took, why it
-        stopped; for polishing the floor, below which no quality fell that was not below it before.
+    phases: "relax" and, if asked for, "patches" and "polish": for each what it guarantees, how many sweeps it
+        took, why it stopped; for polishing the floor, below which no quality fell that was not below it
+        before.
     sweeps: for each its number from 1 (sweep), its phase, Q1 after it (q1), vertices moved, seconds taken,
         and when polishing the mean quality of the corners with a relaxed vertex (mean, else null).
     stopped_because: "converged", "max-iterations", "target", "time-limit", "interrupted",

@@ -126,6 +126,9 @@ def _side_by_side(before: Quality, after: Quality, dimension: int) -> list[str]:
 def _why_stopped(report: SmoothReport) -> str:
     options = report.options
     selects = any(options[name] not in (None, []) for name in ("fix", "only", "below", "vertices"))
+    patches = any(phase["phase"] == "patches" for phase in report.phases)
+    if report.stopped_because == "converged" and patches:
+        return "converged: moved jointly, the surroundings of the worst element gain no more"
     return {
         "converged": f"converged: Q1 grew by less than {options['tol']:g} in each of the last "
         f"{_count(options['patience'], 'sweep')}",

@@ -191,6 +191,7 @@ SMOOTH = {
     "--polish": [],
     "--floor": ["0.9"],
     "--preset": ["paper"],
+    "--patches": [],
     "--report": ["{folder}/r.csv"],
     "--no-report": [],
     "--input-format": ["gmsh"],

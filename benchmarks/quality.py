@@ -1,0 +1,65 @@
+"""The best Q1 in the least time: sweeps, then patches, on one thread, against the targets that were set.
+
+A target is a Q1 and the seconds it may take; each is run with ``target`` set, and each mesh once more
+without, to see how far it goes. The seconds are those of relaxing (rings and colours, sweeps, patches,
+polishing), reading the mesh and the quality reports aside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import meshes
+from common import fastest, print_table, warm_up
+from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.relax.stopping import Stopping
+
+_SWEEPS = 15  # of random directions before the patches: more bring hardly anything that patches do not
+_PHASES = {"sweeps": {}, "sweeps, patches": {"patches": True}}
+_POLISHED = {"sweeps, patches, polish": {"patches": True, "polish": True}}
+
+# Q1 to reach and the seconds for it
+_Targets = list[tuple[float, float]]
+
+
+def run(quick: bool) -> None:
+    """Print the table of targets and the table of what each phase reaches."""
+    targets, phases = [], []
+    for name, mesh, goals in _meshes(quick):
+        warm_up(mesh, (fastest(), 1))
+        _smoothed(mesh, patches=True, polish=True)
+        for q1, limit in goals:
+            reached = _smoothed(mesh, target=q1, patches=True)
+            met = "yes" if reached[1] >= q1 and reached[3] <= limit else "no"
+            targets.append([name, q1, limit, reached[1], reached[3], met])
+        for phase, options in (_PHASES | _POLISHED).items():
+            before, q1, mean, taken = _smoothed(mesh, **options)
+            phases.append([name, phase, before, q1, mean, taken])
+    header = ["mesh", "Q1 to reach", "in seconds", "Q1", "seconds", "met"]
+    print_table("Quality: targets, one thread", header, targets)
+    header = ["mesh", "phases", "Q1 before", "Q1", "mean", "seconds"]
+    print_table(f"Quality: what each phase reaches, {_SWEEPS} random sweeps, one thread", header, phases)
+
+
+def _meshes(quick: bool) -> Iterator[tuple[str, Mesh, _Targets]]:
+    yield "Delaunay tetrahedra, 1,000", meshes.random_tets(1_000), [(0.395, 0.15)]
+    yield "Delaunay triangles, 100", meshes.random_triangles(100), [(0.60, 0.03)]
+    if quick:
+        return
+    yield "Delaunay tetrahedra, 10,000", meshes.random_tets(10_000), [(0.290, 0.4)]
+    yield "Delaunay tetrahedra, 100,000", meshes.random_tets(100_000), [(0.300, 5.0), (0.345, 20.0)]
+    yield "Gmsh sphere, not optimised", meshes.gmsh_sphere(0.0322), [(0.44, 5.0)]
+    yield "Gmsh part, optimised by Gmsh", meshes.gmsh_part(0.595), [(0.52, 5.0)]
+    yield "Delaunay triangles, 10,000", meshes.random_triangles(10_000), [(0.48, 0.25)]
+    yield "Delaunay triangles, 100,000", meshes.random_triangles(100_000), [(0.48, 2.0)]
+
+
+def _smoothed(
+    mesh: Mesh, target: float | None = None, patches: bool = False, polish: bool = False
+) -> tuple[float, float, float, float]:
+    """Q1 before and after, the mean quality after, and the seconds of relaxing."""
+    stopping = Stopping(_SWEEPS, 0.0, target=target)
+    options = SmoothOptions(engine=fastest(), threads=1, stopping=stopping, patches=patches, polish=polish)
+    _, report = smooth_mesh(mesh, options)
+    return report.before.q1 or 0.0, report.after.q1 or 0.0, report.after.mean, report.seconds

@@ -1,0 +1,252 @@
+"""Worst-first patches: where single vertices jam, a worst corner's neighbourhood is moved together.
+
+After some sweeps Q1 is decided by a few places in which no vertex alone can gain. The corners are taken worst
+first; around each the relaxed vertices within some layers are freed, and moved together by ``patch_solver``,
+which accepts a patch only if the smallest quality of its corners grows. That suffices for the guarantee: be m
+that quality before. A vertex whose ring minimum is at most m afterwards has it from a corner outside the
+patch, which has not changed, so its ring minimum was no larger before; and the freed vertices of the worst
+corner had m and have more. So the quality vector grows in the paper's ordering (eq. 2), and Q1 never falls.
+
+A corner that gains little is tried again with one more layer. The patches of a round share no corner: they
+are as independent as the vertices of a batch, so the result does not depend on their order or on threads.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from dvr_cli.mesh.corners import SHAPES, Corners
+from dvr_cli.mesh.csr import group, row_entries
+from dvr_cli.mesh.freedom import Freedom
+from dvr_cli.quality.mean_ratio import corner_qualities
+from dvr_cli.relax.engine import Engine
+from dvr_cli.relax.problem import Problem
+from dvr_cli.relax.stopping import Stopping
+from dvr_cli.relax.sweeps import Relaxation, Sweep, cut_short
+
+LAYERS = 4  # around a corner's own vertices at most; beyond them hardly anything gains
+PROGRESS = 0.01  # relative growth of a patch's smallest quality below which a layer more is tried
+ROUND = 32  # patches at most
+# seeds, freed_start, freed by number, corner_start, corners; see ``Patches``
+_Parts = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+_CANDIDATES = 30 * ROUND  # worst corners looked at for the patches of a round
+
+
+@dataclass(frozen=True)
+class Patches:
+    """P patches that share no corner, all in the problem's numbering.
+
+    seeds: (P,) the touched corner each is built around.
+    freed: the vertices that move, those of patch i at freed_start[i] .. freed_start[i+1].
+    corners: the touched corners with any of them, likewise. vertices, shapes: (n, d+1), (n,) of these.
+    """
+
+    seeds: np.ndarray
+    freed_start: np.ndarray
+    freed: np.ndarray
+    corner_start: np.ndarray
+    corners: np.ndarray
+    vertices: np.ndarray
+    shapes: np.ndarray
+
+    def __len__(self) -> int:
+        """P."""
+        return len(self.seeds)
+
+    def of(self, patch: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The freed vertices of a patch, and the vertices and shapes of its corners."""
+        entries = slice(*self.corner_start[patch : patch + 2])
+        freed = self.freed[slice(*self.freed_start[patch : patch + 2])]
+        return freed, self.vertices[entries], self.shapes[entries]
+
+
+class Neighbourhoods:
+    """Which relaxed vertices and touched corners surround a corner."""
+
+    def __init__(self, problem: Problem, compiled: bool) -> None:
+        """problem: whose touched corners are meant. compiled: use compiled code; the result is the same."""
+        self._compiled = compiled
+        self._touched, self._vertices = problem.touched, problem.rings.vertices
+        number = np.full(len(problem.order), -1, dtype=np.int32)
+        number[self._vertices] = np.arange(len(self._vertices))
+        self._relaxed = number[self._touched.vertices]  # (C, d+1) relaxed vertices by number, or -1
+        position, self._start = self._group(self._relaxed.ravel())
+        self._incident = position // self._relaxed.shape[1]
+
+    def _group(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if self._compiled:
+            from dvr_cli.mesh import compiled as fast
+
+            return fast.group(numbers, len(self._vertices))
+        return group(numbers, len(self._vertices))
+
+    def choose(self, seeds: np.ndarray, layers: np.ndarray) -> Patches:
+        """The patches of the first ROUND of the corners ``seeds`` that share no corner with earlier ones.
+
+        layers: (C,) how many to free around each touched corner, beside its own vertices.
+        """
+        if self._compiled:
+            from dvr_cli.relax import patch_kernel as fast
+
+            parts = fast.choose(seeds, layers, ROUND, self._relaxed, self._start, self._incident)
+        else:
+            parts = self._choose(seeds, layers)
+        chosen, freed_start, freed, corner_start, corners = parts
+        return Patches(
+            seeds=chosen,
+            freed_start=freed_start,
+            freed=self._vertices[freed],
+            corner_start=corner_start,
+            corners=corners,
+            vertices=self._touched.vertices[corners],
+            shapes=self._touched.shapes[corners, 0],
+        )
+
+    def _choose(self, seeds: np.ndarray, layers: np.ndarray) -> _Parts:
+        claimed = np.zeros(len(self._relaxed), dtype=bool)
+        chosen: list[int] = []
+        freed, corners = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+        for seed in seeds.tolist():
+            if claimed[seed]:
+                continue
+            around = np.array([seed])
+            for _ in range(layers[seed] + 1):
+                inside = self._relaxed[around]
+                vertices = np.unique(inside[inside >= 0])
+                around = np.unique(self._incident[row_entries(self._start, vertices)[0]])
+            if claimed[around].any():
+                continue
+            claimed[around] = True
+            chosen.append(seed)
+            freed.append(vertices)
+            corners.append(around)
+            if len(chosen) == ROUND:
+                break
+        starts = [np.cumsum([len(part) for part in parts]) for parts in (freed, corners)]
+        return np.array(chosen), starts[0], np.concatenate(freed), starts[1], np.concatenate(corners)
+
+
+def relax_patches(
+    engine: Engine,
+    stopping: Stopping,
+    done: int = 0,
+    on_sweep: Callable[[Sweep], None] | None = None,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> Relaxation:
+    """Relax patches from where the engine is, the worst first, until the worst corner gains no more.
+
+    A round of patches counts as a sweep. stopping: its target and time_limit hold. done: how many sweeps
+    came before. on_sweep: called after each round. interrupted: asked before each patch; when true the mesh
+    reached is the result. Every intermediate mesh is valid and no worse.
+    """
+    problem, begin = engine.problem, time.perf_counter()
+    if not len(problem.relaxed):
+        return Relaxation(engine.points, [], "nothing-to-relax")
+    state = _State(problem, engine.points)
+    compiled = engine.name == "numba"
+    neighbourhoods = Neighbourhoods(problem, compiled)
+    solve_patch = _solver(compiled)
+    rounds: list[Sweep] = []
+
+    def solve(patches: Patches, patch: int) -> tuple[float, float]:
+        """Largest badness of a patch before and after; the same if it is time to stop."""
+        if cut_short(begin, stopping, interrupted):
+            return 1.0, 1.0
+        return solve_patch(state.points, *patches.of(patch), state.slot, *state.rules)
+
+    with ThreadPoolExecutor(engine.threads) as pool:
+        each = pool.map if engine.threads > 1 else map
+        while (reason := cut_short(begin, stopping, interrupted) or state.done(stopping.target)) is None:
+            start = time.perf_counter()
+            patches = neighbourhoods.choose(state.worst(), state.layers)
+            state.enter(patches)
+            results = each(partial(solve, patches), range(len(patches)))
+            moved = state.leave(patches, np.array(list(results)))
+            number, seconds = done + len(rounds) + 1, time.perf_counter() - start
+            rounds.append(Sweep(number, "patches", state.q1, moved, seconds))
+            if on_sweep is not None:
+                on_sweep(rounds[-1])
+    engine.load(state.in_mesh())
+    return Relaxation(engine.points, rounds, reason)
+
+
+def _solver(compiled: bool) -> Callable[..., tuple[float, float]]:
+    """``solve_patch`` of the compiled or of the NumPy code."""
+    if compiled:
+        from dvr_cli.relax import patch_kernel
+
+        return patch_kernel.solve_patch
+    from dvr_cli.relax import patch_solver
+
+    return patch_solver.solve_patch
+
+
+class _State:
+    """The coordinates reached, the quality of each touched corner, and what has been tried around it."""
+
+    def __init__(self, problem: Problem, points: np.ndarray) -> None:
+        self._order, self._touched = problem.order, problem.touched
+        d = problem.dimension
+        self.points = np.ascontiguousarray(points[self._order], dtype=np.float64)
+        self.slot = np.full(len(self.points), -1, dtype=np.int32)  # of freed vertices: number in their patch
+        freedom = Freedom(np.full(len(self.points), d, dtype=np.uint8), np.zeros_like(self.points))
+        if problem.freedom is not None:
+            freedom.dimension[problem.rings.vertices] = problem.freedom.dimension
+            freedom.axis[problem.rings.vertices] = problem.freedom.axis
+        # what ``solve_patch`` needs beside the patch: the shape table, and each vertex's freedom
+        self.rules = SHAPES[d].norm, freedom.dimension, freedom.axis
+        self.quality = corner_qualities(self.points, self._touched)
+        self.layers = np.ones(len(self.quality), dtype=np.int64)  # to be freed around each corner
+        self._power = 2.0 / (d * (d - 1))
+
+    @property
+    def q1(self) -> float:
+        """Q1: the worst quality of a touched corner."""
+        return float(self.quality.min())
+
+    def done(self, target: float | None) -> str | None:
+        """Why there is nothing left to do: Q1 has reached the target, or every layer was tried around it."""
+        if target is not None and self.q1 >= target:
+            return "target"
+        return "converged" if self.layers[self.quality.argmin()] > LAYERS else None
+
+    def worst(self) -> np.ndarray:
+        """The worst corners that may gain, worst first; of equals the first."""
+        n = min(_CANDIDATES, len(self.quality))
+        limit = np.partition(self.quality, n - 1)[n - 1]
+        worst = np.flatnonzero((self.quality <= limit) & (self.layers <= LAYERS))
+        return worst[np.argsort(self.quality[worst], kind="stable")]
+
+    def enter(self, patches: Patches) -> None:
+        """Get ready to solve these patches."""
+        for patch in range(len(patches)):
+            freed = patches.of(patch)[0]
+            self.slot[freed] = np.arange(len(freed))
+
+    def leave(self, patches: Patches, badness: np.ndarray) -> int:
+        """Take note of what solving brought; returns how many vertices moved.
+
+        badness: (P, 2) largest of each patch before and after.
+        """
+        self.slot[patches.freed] = -1
+        corners = patches.corners
+        changed = Corners(patches.vertices, self._touched.shapes[corners], self._touched.first)
+        self.quality[corners] = corner_qualities(self.points, changed)
+        with np.errstate(invalid="ignore"):  # infinite before and after: no growth
+            growth = (badness[:, 0] / badness[:, 1]) ** self._power - 1.0
+        grown = growth >= PROGRESS
+        self.layers[patches.seeds[~grown]] += 1
+        self.layers[corners[np.repeat(grown, np.diff(patches.corner_start))]] = 1
+        return int(np.diff(patches.freed_start)[badness[:, 1] < badness[:, 0]].sum())
+
+    def in_mesh(self) -> np.ndarray:
+        """(N, d) coordinates in the numbering of the mesh."""
+        points = np.empty_like(self.points)
+        points[self._order] = self.points
+        return points
