@@ -256,7 +256,7 @@ def _dot(a: np.ndarray, b: np.ndarray, d: int) -> float:
 
 @compiled
 def _restrict(g: np.ndarray, moving: np.ndarray, dimension: np.ndarray, axis: np.ndarray) -> None:
-    """See ``Freedom.restrict``; where a vertex moves anywhere that changes nothing."""
+    """See ``PatchEnergy._within_freedom``."""
     d = axis.shape[1]
     for i in range(len(moving)):
         vertex = moving[i]

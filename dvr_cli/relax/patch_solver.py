@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.mesh.freedom import Freedom
 from dvr_cli.mesh.simplex import cross, dot, edges_and_determinant
 from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.line import badness, improves
@@ -83,7 +82,8 @@ class PatchEnergy:
         norm: of ``ShapeTable``. dimension, axis: of ``Freedom``.
         """
         self.points, self.moving = points, moving
-        self._vertices, self._freedom = vertices, Freedom(dimension, axis)
+        self._vertices = vertices
+        self._dimension, self._axis = dimension[moving][:, None], axis[moving]
         self._norm = norm[shapes].T
         slots = slot[vertices]
         own = np.broadcast_to(slots[:, :1], slots[:, 1:].shape)
@@ -144,7 +144,13 @@ class PatchEnergy:
             part = np.stack([to_s * along[j][i] - to_v * normals[j][i] for j in range(d)], axis=1)
             both = np.stack([part, -part], axis=2).ravel()  # on the edge's end, and on the corner's vertex
             g[:, i] = np.bincount(slots, both, n + 1)[:n]
-        return self._freedom.restrict(g, self.moving)
+        return self._within_freedom(g)
+
+    def _within_freedom(self, g: np.ndarray) -> np.ndarray:
+        """The part of each row of ``g`` that lies in its vertex's line or plane."""
+        along = dot(list(g.T), list(self._axis.T))[:, None] * self._axis
+        inside = np.where(self._dimension == 1, along, g - along)
+        return np.where(self._dimension == g.shape[1], g, inside)
 
 
 def _minimise(energy: PatchEnergy, squarings: int) -> None:
