@@ -18,7 +18,7 @@ from dvr_cli.relax.schedule import ORDERS
 from dvr_cli.relax.selection import Selection
 from dvr_cli.relax.stopping import Stopping
 
-BOUNDARIES = ("fixed", "slide")  # each frees the vertices of those before it, and more
+BOUNDARIES = ("fixed", "slide", "project")  # each frees the vertices of those before it, and more
 
 # What a preset fixes; "paper" is the paper's Algorithm 1, which makes a given number of sweeps.
 PRESETS: dict[str, dict[str, Any]] = {
@@ -38,7 +38,11 @@ class SmoothOptions:
     center, axis: for "circumferential" and "radial"; default the centroid of the points and the z axis.
     order: "coloured", "natural" or "shuffled". seed: for random directions and the shuffled order.
     boundary: "fixed", or "slide": vertices of the boundary, of interfaces and of embedded cells move within
-        straight lines and planes.
+        straight lines and planes; or "project": also along curved ones, brought back to the input's. Surfaces
+        in space are always projected.
+    feature_angle: degrees, from 0 to 180; where a boundary turns by more it is a feature and keeps its shape.
+    max_deviation: how far a projected boundary may come from the input's, None for 1e-3 of the diagonal of
+        the bounding box.
     fix, only, below, layers: see Selection; fix and only are one name or several. vertices: numbers from 0,
         or the path of a .npy, .csv or .txt file with them.
     straighten: take curved second-order cells as straight. stopping: when to stop.
@@ -54,6 +58,8 @@ class SmoothOptions:
     order: str = "coloured"
     seed: int = 0
     boundary: str = "fixed"
+    feature_angle: float = 30.0
+    max_deviation: float | None = None
     fix: Names = ()
     only: Names = ()
     below: float | None = None
@@ -76,6 +82,10 @@ class SmoothOptions:
             raise UsageError(f"order: unknown {self.order!r}; known: {', '.join(ORDERS)}")
         if self.boundary not in BOUNDARIES:
             raise UsageError(f"boundary: unknown {self.boundary!r}; known: {', '.join(BOUNDARIES)}")
+        if not 0 <= self.feature_angle <= 180:
+            raise UsageError("feature-angle: must be between 0 and 180 degrees")
+        if self.max_deviation is not None and not 0 <= self.max_deviation < np.inf:
+            raise UsageError("max-deviation: must be a length that is not negative")
         if not 0 <= self.seed < 2**64:
             raise UsageError("seed: must be between 0 and 2^64 - 1")
         if not 0 <= self.floor <= 1:
@@ -137,6 +147,8 @@ class SmoothOptions:
             "order": self.order,
             "seed": int(self.seed),
             "boundary": self.boundary,
+            "feature_angle": float(self.feature_angle),
+            "max_deviation": None if self.max_deviation is None else float(self.max_deviation),
             "fix": list(_names(self.fix)),
             "only": list(_names(self.only)),
             "below": None if self.below is None else float(self.below),

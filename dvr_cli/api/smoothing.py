@@ -10,22 +10,22 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from dvr_cli.api.boundary import moves_of, projected
 from dvr_cli.api.options import BOUNDARIES, SmoothOptions
 from dvr_cli.errors import OutputError
-from dvr_cli.mesh.constraints import constraints_of
-from dvr_cli.mesh.domain import Domain, domain_of
-from dvr_cli.mesh.features import features_of
-from dvr_cli.mesh.freedom import Freedom, interior_freedom
+from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.choice import checked_threads, chosen_engine, make_engine
 from dvr_cli.relax.directions import direction_field, restricted
 from dvr_cli.relax.patches import relax_patches
 from dvr_cli.relax.problem import build_problem
+from dvr_cli.relax.projection import Projection
 from dvr_cli.relax.sweeps import PHASES, Relaxation, Sweep, polish, relax
 from dvr_cli.report.limits import limit_of
 from dvr_cli.report.quality import Quality, measure
 from dvr_cli.report.records import SmoothReport, summarise
 
+_FINAL = ("interrupted", "time-limit", "nothing-to-relax", "deviation")  # no phase follows
 _DONE = ("converged", "nothing-to-relax")  # the reasons for which relaxing on would gain nothing
 
 
@@ -58,31 +58,39 @@ def smooth_mesh(
     )
     compiled = engine_name == "numba"
     domain = domain_of(mesh, options.straighten, compiled)
-    movable = _freedom(mesh, domain, options.boundary).only(mesh.unlinked)
     chosen = options.selection.masks(mesh, domain)
     selected = np.logical_and.reduce([mesh.unlinked, *chosen.values()])
-    freedom = movable.only(selected)
-    relaxed = freedom.relaxed
-    directions = direction_field(
+    moves = partial(moves_of, mesh, feature_angle=options.feature_angle)
+    movement = moves(domain, options.boundary, selected)
+    relaxed = movement.relaxed
+    field = direction_field(
         options.entries, domain, mesh.point_data, options.seed, options.center, options.axis
     )
-    directions = restricted(directions, freedom)
+    directions = restricted(field, movement.freedom)
     before = measure(domain, mesh.points, relaxed)
     begin = time.perf_counter()
-    problem = build_problem(
-        domain.corners, relaxed, domain.points, options.order, options.seed, compiled, freedom
-    )
+    sliding = movement.freedom.relaxed
+    parts = options.order, options.seed, compiled, movement.freedom
+    problem = build_problem(domain.corners, sliding, domain.points, *parts)
     engine = make_engine(engine_name, problem, checked_threads(options.threads))
-    outcome = relax(engine, domain.points, directions, options.stopping, on_sweep, interrupted)
+
+    def run(projection: Projection | None) -> Relaxation:
+        return relax(engine, domain.points, directions, options.stopping, on_sweep, interrupted, projection)
+
+    inverted, boundary = None, None
+    if movement.curved is None:
+        outcome = run(None)
+    else:
+        outcome, inverted, boundary = projected(run, domain, movement.curved, field, options)
     phases = [_phase("relax", outcome)]
     flat, sweeps, stopped_because = outcome.points, outcome.sweeps, outcome.stopped_because
-    if options.patches and stopped_because in ("converged", "max-iterations"):
+    if options.patches and len(sliding) and stopped_because in ("converged", "max-iterations"):
         left = options.stopping.less(time.perf_counter() - begin)
         patched = relax_patches(engine, left, len(sweeps), on_sweep, interrupted)
         phases.append(_phase("patches", patched))
         flat, sweeps = patched.points, sweeps + patched.sweeps
         stopped_because = patched.stopped_because
-    if options.polish and stopped_because not in ("interrupted", "time-limit", "nothing-to-relax"):
+    if options.polish and len(sliding) and stopped_because not in _FINAL:
         floor = max(options.floor * engine.q1(), before.q1 or 0.0)
         left = options.stopping.less(time.perf_counter() - begin)
         polished = polish(engine, floor, left, len(sweeps), on_sweep, interrupted)
@@ -94,13 +102,21 @@ def smooth_mesh(
     points = domain.lift(mesh.points, flat)
     if domain.is_tilted and _worse(measure(domain, points, relaxed), before):
         points, stopped_because = mesh.points.copy(), "rounding"
-    points, after = _kept(domain, points, relaxed, before, storage)
+    measured = partial(measure, domain, relaxed=relaxed, inverted=inverted)
+    points, after = _kept(measured, points, before, storage)
     limited_by = None
     if stopped_because in _DONE or _capped(after):
-        deselected = {name: (movable.dimension > 0) & ~mask for name, mask in chosen.items()}
-        others = BOUNDARIES[BOUNDARIES.index(options.boundary) + 1 :]
-        boundary = {f"--boundary {name}": partial(_freed, mesh, domain, name, selected) for name in others}
-        limited_by = limit_of(domain, points, relaxed, after, deselected, boundary)
+        movable = moves(domain, options.boundary, mesh.unlinked).relaxed if chosen else relaxed
+        deselected = {
+            name: np.isin(np.arange(len(mesh.points)), movable) & ~mask for name, mask in chosen.items()
+        }
+        others = () if domain.is_surface else BOUNDARIES[BOUNDARIES.index(options.boundary) + 1 :]
+
+        def freed(name: str, vertices: np.ndarray) -> np.ndarray:
+            return np.isin(vertices, moves(domain.around(vertices), name, selected).relaxed)
+
+        frees = {f"--boundary {name}": partial(freed, name) for name in others}
+        limited_by = limit_of(domain, points, relaxed, after, deselected, frees)
     report = SmoothReport(
         mesh=summarise(mesh, domain),
         relaxed=len(relaxed),
@@ -114,23 +130,9 @@ def smooth_mesh(
         engine=engine.name,
         threads=engine.threads,
         options=options.record(),
+        boundary=boundary,
     )
     return points, report
-
-
-def _freedom(mesh: Mesh, domain: Domain, boundary: str) -> Freedom:
-    """What each vertex may do when the boundary is treated as ``boundary`` says."""
-    if boundary == "slide":
-        return features_of(domain.points, domain.interior, constraints_of(mesh, domain)).freedom
-    return interior_freedom(domain.interior, domain.dimension)
-
-
-def _freed(
-    mesh: Mesh, domain: Domain, boundary: str, selected: np.ndarray, vertices: np.ndarray
-) -> np.ndarray:
-    """(m,) bool: which of ``vertices`` (m,) could move with that treatment of the boundary."""
-    freedom = _freedom(mesh, domain.around(vertices), boundary).only(selected)
-    return freedom.dimension[vertices] > 0
 
 
 def _phase(name: str, outcome: Relaxation) -> dict[str, Any]:
@@ -144,16 +146,16 @@ def _phase(name: str, outcome: Relaxation) -> dict[str, Any]:
 
 
 def _kept(
-    domain: Domain, points: np.ndarray, relaxed: np.ndarray, before: Quality, storage: Storage | None
+    measured: Callable[[np.ndarray], Quality], points: np.ndarray, before: Quality, storage: Storage | None
 ) -> tuple[np.ndarray, Quality]:
     """The points as the storage keeps them, and their quality, which is not below that of the input."""
     if storage is None:
-        return points, measure(domain, points, relaxed)
+        return points, measured(points)
     kept = storage.stored(points)
-    after = measure(domain, kept, relaxed)
+    after = measured(kept)
     if _worse(after, before) and storage.widen():
         kept = storage.stored(points)
-        after = measure(domain, kept, relaxed)
+        after = measured(kept)
     if _worse(after, before):
         raise OutputError(
             f"rounding the coordinates as the output stores them would lower Q1 from {before.q1:.6g} to "

@@ -76,13 +76,32 @@ def smooth(
         int, typer.Option(min=0, metavar="N", help="Seed of random directions and the shuffled order.")
     ] = 0,
     boundary: Annotated[
-        Literal["fixed", "slide"],
+        Literal["fixed", "slide", "project"],
         typer.Option(
-            help="Whether vertices of the boundary, of interfaces and of embedded cells stay or slide along "
-            "straight lines and planes, so that every region and group keeps its shape.",
-            metavar="fixed|slide",
+            help="Whether vertices of the boundary, of interfaces and of embedded cells stay, slide along "
+            "straight lines and planes, so that every region and group keeps its shape, or move along curved "
+            "ones too, projected to those of IN. Surfaces in space are always projected.",
+            metavar="fixed|slide|project",
         ),
     ] = "fixed",
+    feature_angle: Annotated[
+        float,
+        typer.Option(
+            parser=number(0, 180),
+            metavar="DEG",
+            help="Where a projected boundary turns by more than this it is a feature: its vertices stay on "
+            "the feature's curve, those of its corners in place.",
+        ),
+    ] = 30.0,
+    max_deviation: Annotated[
+        float | None,
+        typer.Option(
+            parser=number(0),
+            metavar="D",
+            help="How far a projected boundary may come from that of IN, measured from both; default: 1e-3 "
+            "of the diagonal of the bounding box.",
+        ),
+    ] = None,
     fix: Annotated[
         list[str] | None,
         typer.Option(
@@ -190,6 +209,8 @@ def smooth(
         order=order,
         seed=seed,
         boundary=boundary,
+        feature_angle=feature_angle,
+        max_deviation=max_deviation,
         fix=fix or (),
         only=only or (),
         below=below,

@@ -103,6 +103,31 @@ def constraints_of(mesh: Mesh, domain: Domain) -> Constraints:
     )
 
 
+def surface_constraints(mesh: Mesh, domain: Domain) -> Constraints:
+    """The constraints of a surface in space: all its cells are facets, labelled by region."""
+    linear = linear_cells(mesh.cells)
+    fixed = np.zeros(len(mesh.points), dtype=bool)
+    fixed[mesh.periodic.ravel()] = True
+    for block in linear:
+        if block.type == "vertex":
+            fixed[block.vertices] = True
+    wires = [b for b, block in enumerate(linear) if block.type == "line"]
+    wire = _rows(linear, wires, 2)
+    width = max(block.vertices.shape[1] for block in domain.cells)
+    facets = _rows(domain.cells, list(range(len(domain.cells))), width)
+    lines, line_label, found = _lines(wire, regions_of(mesh, wires), facets, len(mesh.points))
+    _fix(fixed, wire[~found])
+    return Constraints(
+        facets=facets,
+        label=domain.region,
+        two_sided=np.zeros(len(facets), dtype=bool),
+        lines=lines,
+        line_label=line_label,
+        fixed=fixed,
+        rounding=ROUNDING * float(np.abs(mesh.points).max(initial=0.0)),
+    )
+
+
 def edges_of(facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The edges (E, 2) of each of the facets ((F, w), shorter rows end in -1), and which facet's (E,)."""
     rows = np.arange(len(facets))

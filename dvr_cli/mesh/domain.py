@@ -16,7 +16,7 @@ from dvr_cli.errors import InputError
 from dvr_cli.mesh.corners import DIMENSION, Corners, corners_of
 from dvr_cli.mesh.interior import enclosed
 from dvr_cli.mesh.mesh import Cells, Mesh
-from dvr_cli.mesh.orientation import mirrored_cells, with_mirrored
+from dvr_cli.mesh.orientation import mirrored_cells, unlike_cells, with_mirrored
 from dvr_cli.mesh.plane import Plane, plane_of
 from dvr_cli.mesh.regions import regions_of
 from dvr_cli.mesh.second_order import NODES, MidNodes, linear_cells, mid_nodes
@@ -30,7 +30,8 @@ LOWER = ("vertex", "line", "line4")  # cells of dimension below 2 that may come 
 class Domain:
     """The part of a mesh that relaxation works on.
 
-    points: (N, d) coordinates, d = 2 or 3; those of a planar mesh are taken in its plane.
+    points: (N, d) coordinates, d = 2 or 3; those of a planar mesh are taken in its plane, those of a surface
+        in space are three.
     cells: blocks of the cells of dimension d, oriented coherently and positively.
     cell_ids: (n,) their ids in the mesh: positions counted from 0 through all its blocks.
     corners: the corners of these cells.
@@ -38,7 +39,7 @@ class Domain:
     interior: (N,) bool, the vertices that are neither on a boundary, an interface nor a lower cell, and that
         no periodic link ties to another.
     mirrored: how many cells are stored inside out (they stay so in any output).
-    plane: the plane of a two-dimensional mesh, None for a volume mesh.
+    plane: the plane of a planar mesh, None for a volume mesh and a surface.
     mids: the nodes of second-order cells that follow their corners, None if there are none.
     straighten: whether those that move lose their offset from the straight edge or face.
     compiled: whether compiled code is used for it; the results are the same.
@@ -58,8 +59,13 @@ class Domain:
 
     @property
     def dimension(self) -> int:
-        """d: 2 or 3."""
+        """Of the cells: 2 or 3."""
         return self.corners.dimension
+
+    @property
+    def is_surface(self) -> bool:
+        """Whether the mesh is a surface in space, not a planar or volume mesh."""
+        return self.points.shape[1] > self.dimension
 
     @property
     def cell_types(self) -> np.ndarray:
@@ -106,7 +112,7 @@ def domain_of(mesh: Mesh, straighten: bool = False, compiled: bool = False) -> D
 
     Raises InputError for a mesh without planar or volume cells, with coordinates that are not finite, with
     cells that name missing vertices or one vertex twice, or with cells that cannot be relaxed (curved
-    second-order cells, polygons, surfaces that are not planar).
+    second-order cells, polygons).
     """
     _check_values(mesh)
     linear = linear_cells(mesh.cells)
@@ -121,15 +127,15 @@ def domain_of(mesh: Mesh, straighten: bool = False, compiled: bool = False) -> D
     points, plane = mesh.points, None
     if dimension == 2:
         plane = plane_of(mesh.points[_used(stored, len(mesh.points))])
-        if plane is None:
-            raise InputError(
-                "the surface is not planar: dvr relaxes planar and volume meshes, not curved surfaces"
-            )
-        points = plane.flatten(mesh.points)
+        points = mesh.points if plane is None else plane.flatten(mesh.points)
     points = np.ascontiguousarray(points, dtype=np.float64)
     as_stored = corners_of(stored, dimension)
-    measures = np.add.reduceat(corner_measures(points, as_stored, compiled), as_stored.first[:-1])
-    mirrored = mirrored_cells(measures, stored, compiled)
+    if points.shape[1] > dimension:  # either side of a surface may be its upper one
+        compiled = False
+        mirrored = unlike_cells(np.ones(len(as_stored.first) - 1), stored)
+    else:
+        measures = np.add.reduceat(corner_measures(points, as_stored, compiled), as_stored.first[:-1])
+        mirrored = mirrored_cells(measures, stored, compiled)
     cells = with_mirrored(stored, mirrored)
     region = regions_of(mesh, chosen)
     return Domain(

@@ -26,6 +26,14 @@ def mirrored_cells(measures: np.ndarray, blocks: list[Cells], compiled: bool = F
         return np.zeros(len(measures), dtype=bool)
     if (measures < 0).all():
         return np.ones(len(measures), dtype=bool)
+    return unlike_cells(measures, blocks, compiled)
+
+
+def unlike_cells(weights: np.ndarray, blocks: list[Cells], compiled: bool = False) -> np.ndarray:
+    """(n,) bool: the cells to mirror to make each connected part alike: those of less ``weights`` (n,).
+
+    blocks, compiled: as for ``mirrored_cells``.
+    """
     facets = facets_of(blocks, compiled)
     pair = facets.start[:-1][facets.shared_by == 2]
     one, other = facets.cell[pair].astype(np.int64), facets.cell[pair + 1].astype(np.int64)
@@ -33,13 +41,13 @@ def mirrored_cells(measures: np.ndarray, blocks: list[Cells], compiled: bool = F
     # node 2c stands for "cell c as stored", node 2c+1 for its mirror image
     left = np.concatenate([2 * one, 2 * one + 1])
     right = np.concatenate([2 * other + ~alike, 2 * other + alike])
-    label = connected_parts(2 * len(measures), left, right)
+    label = connected_parts(2 * len(weights), left, right)
     as_stored, mirrored = label[0::2], label[1::2]
     # The two labels of a cell name the two ways to orient its part. Adding up the measures under the smaller
     # of them gives the sign of that way; a part that cannot be oriented (both labels equal) stays as stored.
     way = np.where(as_stored <= mirrored, 1.0, -1.0)
-    total = np.zeros(2 * len(measures))
-    np.add.at(total, np.minimum(as_stored, mirrored), way * measures)
+    total = np.zeros(2 * len(weights))
+    np.add.at(total, np.minimum(as_stored, mirrored), way * weights)
     good_way = np.where(total[np.minimum(as_stored, mirrored)] >= 0, 1.0, -1.0)
     return (way != good_way) & (as_stored != mirrored)
 

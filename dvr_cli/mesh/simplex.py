@@ -71,8 +71,12 @@ def edges_and_determinant(
 ) -> tuple[list[list[np.ndarray]], np.ndarray]:
     """The d edges of each simplex from its first vertex, by components, and their determinant (n,).
 
-    points: (N, d); vertices: (n, d+1).
+    points: (N, d), or (N, 3) for triangles in space, whose determinant is twice their area and has no sign.
+    vertices: (n, d+1).
     """
     own, *ends = ([points[:, i][vertex] for i in range(points.shape[1])] for vertex in vertices.T)
     edges = [subtract(end, own) for end in ends]
+    if len(edges) < points.shape[1]:
+        area = cross(*edges)
+        return edges, np.sqrt(dot(area, area))
     return edges, dot(edges[0], opposite_normal(ends))

@@ -16,10 +16,10 @@ _NEAR = 1e-9  # cosines this near to the extreme one are looked at exactly
 def extreme_angles(points: np.ndarray, blocks: list[Cells], compiled: bool = False) -> tuple[float, float]:
     """Smallest and largest angle in degrees over all cells of the blocks, in [0, 360) and [0, 180] resp.
 
-    points: (N, d). In 2D the interior angles of triangles and quadrilaterals, in 3D the dihedral angles
-    between the faces of each cell; a face with four vertices counts with its mean normal. An angle next to
-    an edge or a face without extent is left out; (nan, nan) when nothing is left.
-    compiled: use compiled code; the result is the same.
+    points: (N, d). The interior angles of triangles and quadrilaterals, of volume cells the dihedral angles
+    between their faces; a face with four vertices counts with its mean normal. An angle next to an edge or a
+    face without extent is left out; (nan, nan) when nothing is left.
+    compiled: use compiled code, in a planar or volume mesh; the result is the same.
     """
     low, high = np.inf, -np.inf
     for block in blocks:
@@ -28,7 +28,7 @@ def extreme_angles(points: np.ndarray, blocks: list[Cells], compiled: bool = Fal
             candidates = candidates[_with_extreme_cosines(points, block)]
         for chunk in chunks(len(candidates)):
             vertices = candidates[chunk]
-            if points.shape[1] == 2:
+            if block.type in ("triangle", "quad"):
                 angles = interior_angles(points, vertices)
             else:
                 angles = np.concatenate(
@@ -40,11 +40,16 @@ def extreme_angles(points: np.ndarray, blocks: list[Cells], compiled: bool = Fal
 
 
 def interior_angles(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """(n, k) angle at each vertex, turning from the next to the previous edge, in [0, 360) degrees."""
+    """(n, k) angle at each vertex, turning from the next to the previous edge, in [0, 360) degrees; in space
+    (points (N, 3)) the turn has no sense, and angles are in [0, 180].
+    """
     here = points[vertices]
     onward = np.roll(here, -1, axis=1) - here
     back = np.roll(here, 1, axis=1) - here
-    cross = onward[..., 0] * back[..., 1] - onward[..., 1] * back[..., 0]
+    if points.shape[1] == 3:
+        cross = np.linalg.norm(np.cross(onward, back), axis=-1)
+    else:
+        cross = onward[..., 0] * back[..., 1] - onward[..., 1] * back[..., 0]
     inner = (onward * back).sum(axis=-1)
     angle = np.degrees(np.arctan2(cross, inner)) % 360.0
     return np.where(onward.any(axis=-1) & back.any(axis=-1), angle, np.nan)

@@ -34,10 +34,14 @@ def mean_ratio(v: np.ndarray, s: np.ndarray, dimension: int) -> np.ndarray:
     return np.divide(power, s, out=np.zeros_like(power), where=s > 0)
 
 
-def corner_qualities(points: np.ndarray, corners: Corners, compiled: bool = False) -> np.ndarray:
+def corner_qualities(
+    points: np.ndarray, corners: Corners, compiled: bool = False, inverted: np.ndarray | None = None
+) -> np.ndarray:
     """Mean ratio of every corner: (C,) float64.
 
-    points: (N, d) coordinates. compiled: use compiled code; the result is the same.
+    points: (N, d) coordinates. compiled: use compiled code, in a planar or volume mesh; the result is the
+    same. inverted: (C,) bool, for triangles in space ((N, 3)), which have no sign of their own: those that
+    are turned over.
     """
     d = corners.dimension
     table = SHAPES[d].norm
@@ -53,7 +57,22 @@ def corner_qualities(points: np.ndarray, corners: Corners, compiled: bool = Fals
         edges, v = edges_and_determinant(points, corners.vertices[chunk])
         s = weighted_norm(edges, table[corners.shapes[chunk, 0]].T)
         quality[chunk] = mean_ratio(v, s, d)
+    if inverted is not None:
+        quality[inverted] *= -1.0
     return quality
+
+
+def turned_over(points: np.ndarray, corners: Corners, normals: np.ndarray) -> np.ndarray:
+    """(C,) bool: corners of a surface whose normals point away from ``normals`` (C, 3); points: (N, 3)."""
+    a, b, c = (points[vertex] for vertex in corners.vertices.T)
+    return (np.cross(b - a, c - a) * normals).sum(axis=1) < 0.0
+
+
+def cell_normals(points: np.ndarray, corners: Corners) -> np.ndarray:
+    """(C, 3) for each corner of a surface the vector area, in any scale, of the cell it is of."""
+    a, b, c = (points[vertex] for vertex in corners.vertices.T)
+    total = np.add.reduceat(np.cross(b - a, c - a), corners.first[:-1])
+    return np.repeat(total, np.diff(corners.first), axis=0)
 
 
 def element_qualities(points: np.ndarray, corners: Corners) -> np.ndarray:

@@ -124,14 +124,14 @@ def direction_field(
     expanded: list[Entry] = []
     for entry in entries:
         if isinstance(entry, str) and entry == "axis":
-            expanded += ["x", "y", "z"][: domain.dimension]
+            expanded += ["x", "y", "z"][: domain.points.shape[1]]
         else:
             expanded.append(entry)
     if not expanded:
         raise UsageError("directions: none given")
     middle = domain.points.mean(axis=0) if center is None else _in_domain(center, "center", domain)
     around = None
-    if domain.dimension == 3:
+    if domain.points.shape[1] == 3:
         around = _axis((0.0, 0.0, 1.0) if axis is None else axis)
 
     def field_of(entry: Entry) -> DirectionField:
@@ -139,7 +139,7 @@ def direction_field(
             name, vectors = entry if isinstance(entry, tuple) else ("array", entry)
             return array_field(_flat_vectors(vectors, name, domain), len(expanded))
         if entry == "random":
-            return random_field(domain.dimension, len(domain.points), seed)
+            return random_field(domain.points.shape[1], len(domain.points), seed)
         if entry in ASCENTS:
             return lambda sweep, points, vertices: ASCENTS[entry]
         if entry in ("x", "y", "z"):

@@ -40,13 +40,20 @@ class Engine(ABC):
         return points
 
     @property
+    def coordinates(self) -> np.ndarray:
+        """(N, d) the coordinates reached in the problem's numbering; what is written there counts."""
+        return self._get()
+
+    @property
     def relaxed_points(self) -> np.ndarray:
         """(m, d) coordinates reached of the relaxed vertices, in the order of the problem's rings."""
         return self._get()[self.problem.rings.vertices]
 
     def q1(self) -> float:
-        """Q1: the worst quality of a corner with a relaxed vertex."""
+        """Q1: the worst quality of a corner with a relaxed vertex, infinite if there are none."""
         touched = self.problem.touched
+        if not len(touched.vertices):
+            return np.inf
         corner, badness = self._worst_corner()
         # where corners are not positive their badness does not order them
         chosen = slice(corner, corner + 1) if badness < np.inf else slice(None)

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dvr_cli.mesh.simplex import Components, dot, opposite_normal, subtract
+from dvr_cli.mesh.simplex import Components, cross, dot, opposite_normal, subtract
 from dvr_cli.quality.mean_ratio import weighted_norm
 
 GAIN = 1e-12  # relative growth of min Q below which a vertex is left where it is
@@ -115,20 +115,46 @@ def coefficients(
     x, direction: d components (n,); ends: the d other vertices of each corner, d components (K, n) each;
     norm, slope, curvature: the corner's row of the shape table, each entry (K, n) or of shape (1, 1).
     """
-    d = len(x)
     edges = [subtract(end, x) for end in ends]
     normal = opposite_normal(ends)
+    v = dot(edges[0], normal), -dot(direction, normal)
+    return Lines(*v, *_norms(direction, edges, norm, slope, curvature), dimension=len(x))
+
+
+def surface_coefficients(
+    x: Components,
+    direction: Components,
+    ends: Sequence[Components],
+    inverted: np.ndarray,
+    norm: Sequence[np.ndarray],
+    slope: Sequence[np.ndarray],
+    curvature: np.ndarray,
+) -> Lines:
+    """The lines of triangles in space, with v taken in the plane each has at λ = 0; see ``coefficients``.
+
+    x, direction, ends: three components; inverted: (K, n) bool, the triangles that are turned over.
+    """
+    edges = [subtract(end, x) for end in ends]
+    area = cross(*edges)
+    change = cross(direction, subtract(ends[1], ends[0]))
+    length = np.sqrt(dot(area, area)) * np.where(inverted, -1.0, 1.0)
+    with np.errstate(all="ignore"):
+        v1 = np.where(length != 0.0, -dot(change, area) / length, 0.0)
+    return Lines(length, v1, *_norms(direction, edges, norm, slope, curvature), dimension=2)
+
+
+def _norms(
+    direction: Components,
+    edges: Sequence[Components],
+    norm: Sequence[np.ndarray],
+    slope: Sequence[np.ndarray],
+    curvature: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """s0, s1 and s2 of corners with these edges."""
     along = slope[0] * dot(direction, edges[0])
-    for j in range(1, d):
+    for j in range(1, len(edges)):
         along = along + slope[j] * dot(direction, edges[j])
-    return Lines(
-        v0=dot(edges[0], normal),
-        v1=-dot(direction, normal),
-        s0=weighted_norm(edges, norm),
-        s1=-along,
-        s2=curvature * dot(direction, direction),
-        dimension=d,
-    )
+    return weighted_norm(edges, norm), -along, curvature * dot(direction, direction)
 
 
 def maximise_minimum(lines: Lines) -> tuple[np.ndarray, np.ndarray]:

@@ -21,7 +21,7 @@ _CHUNK_CORNERS = 32768  # corners worked on at a time: small enough for the cach
 
 
 @dataclass(frozen=True)
-class _Chunk:
+class RingChunk:
     """Independent vertices with rings of similar size, short rings padded with their last corner.
 
     rings: (n,) their numbers among the problem's rings.
@@ -46,7 +46,9 @@ class NumpyEngine(Engine):
         self._dimension = problem.dimension
         self._coordinates = np.empty((problem.dimension, 0))
         self._directions = np.zeros((len(problem.rings.vertices), problem.dimension))
-        self._batches = [list(_chunks(problem, lo, hi)) for lo, hi in pairwise(problem.batch_start.tolist())]
+        self._batches = [
+            list(ring_chunks(problem, lo, hi)) for lo, hi in pairwise(problem.batch_start.tolist())
+        ]
 
     def _set(self, points: np.ndarray) -> None:
         self._coordinates = np.ascontiguousarray(points.T)
@@ -87,7 +89,7 @@ class NumpyEngine(Engine):
     def polish_batch(self, batch: int, directions: np.ndarray, limit: float) -> int:
         return sum(self._polish_chunk(chunk, directions, limit) for chunk in self._batches[batch])
 
-    def _within(self, chunk: _Chunk) -> tuple[np.ndarray, list[np.ndarray]] | None:
+    def _within(self, chunk: RingChunk) -> tuple[np.ndarray, list[np.ndarray]] | None:
         """What the chunk's vertices are free to follow; see ``steepest.restrict``."""
         freedom = self.problem.freedom
         if freedom is None:
@@ -95,7 +97,7 @@ class NumpyEngine(Engine):
         return freedom.dimension[chunk.rings] == 1, list(freedom.axis[chunk.rings].T)
 
     def _ring(
-        self, chunk: _Chunk
+        self, chunk: RingChunk
     ) -> tuple[list[np.ndarray], list[list[np.ndarray]], list[np.ndarray], list[np.ndarray], np.ndarray]:
         """x, ends, norm, slope and curvature of the chunk's rings, as ``line.coefficients`` takes them."""
         table = SHAPES[self._dimension]
@@ -105,7 +107,7 @@ class NumpyEngine(Engine):
         x = [component[chunk.vertices] for component in self._coordinates]
         return x, ends, norm, slope, table.curvature[chunk.shapes]
 
-    def _relax_chunk(self, chunk: _Chunk, directions: np.ndarray) -> int:
+    def _relax_chunk(self, chunk: RingChunk, directions: np.ndarray) -> int:
         x, ends, norm, slope, curvature = self._ring(chunk)
         direction = list(directions[chunk.rings].T)
         lines = coefficients(x, direction, ends, norm, slope, curvature)
@@ -119,7 +121,7 @@ class NumpyEngine(Engine):
         better = improves(before[moving], after, self._dimension)
         return self._move(chunk, moving, target, better)
 
-    def _polish_chunk(self, chunk: _Chunk, directions: np.ndarray, limit: float) -> int:
+    def _polish_chunk(self, chunk: RingChunk, directions: np.ndarray, limit: float) -> int:
         x, ends, norm, slope, curvature = self._ring(chunk)
         direction = list(directions[chunk.rings].T)
         lines = coefficients(x, direction, ends, norm, slope, curvature)
@@ -151,14 +153,14 @@ class NumpyEngine(Engine):
             norm = [row[:, moving] for row in norm]
         return target, dot(edges[0], opposite_normal(ends)), weighted_norm(edges, norm)
 
-    def _move(self, chunk: _Chunk, moving: np.ndarray, target: Components, better: np.ndarray) -> int:
+    def _move(self, chunk: RingChunk, moving: np.ndarray, target: Components, better: np.ndarray) -> int:
         moved = chunk.vertices[moving[better]]
         for component, value in zip(self._coordinates, target, strict=True):
             component[moved] = value[better]
         return len(moved)
 
 
-def _chunks(problem: Problem, lo: int, hi: int) -> Iterator[_Chunk]:
+def ring_chunks(problem: Problem, lo: int, hi: int) -> Iterator[RingChunk]:
     """Cut the rings lo..hi of one batch, sorted by size, into chunks."""
     rings = problem.rings
     batch = lo + np.argsort(rings.sizes[lo:hi], kind="stable")
@@ -170,7 +172,7 @@ def _chunks(problem: Problem, lo: int, hi: int) -> Iterator[_Chunk]:
         part = batch[:n]
         entry = rings.start[part] + np.minimum(np.arange(sizes[n - 1])[:, None], sizes[:n] - 1)
         shapes = rings.shapes[entry]
-        yield _Chunk(
+        yield RingChunk(
             rings=part,
             vertices=rings.vertices[part].astype(np.intp),
             ends=np.ascontiguousarray(rings.others[entry].transpose(2, 0, 1), dtype=np.intp),

@@ -6,13 +6,14 @@ Each is a phase of a run with a guarantee of its own, see PHASES.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from dvr_cli.relax.directions import DirectionField
 from dvr_cli.relax.engine import Engine
+from dvr_cli.relax.projection import Projection
 from dvr_cli.relax.stopping import Stopping
 
 # What holds after every batch of a phase.
@@ -54,28 +55,27 @@ def relax(
     stopping: Stopping,
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
+    projection: Projection | None = None,
 ) -> Relaxation:
-    """Relax the vertices of the engine's problem from the coordinates ``points`` (N, d).
+    """Relax the vertices of the engine's problem, and then of the projection's, from ``points`` (N, d).
 
     on_sweep: called after each sweep. interrupted: asked after each batch; when true the mesh reached is the
     result. Every intermediate mesh is valid and no worse (Theorem 4.10).
     """
-    vertices = engine.problem.relaxed
-    if not len(vertices):
+    if not len(engine.problem.relaxed) and projection is None:
         return Relaxation(points, [], "nothing-to-relax")
     begin = time.perf_counter()
     engine.load(points)
-    history = [engine.q1()]
+    history = [_q1(engine, projection)]
     sweeps: list[Sweep] = []
     while (reason := stopping.reason(history, time.perf_counter() - begin)) is None:
         start = time.perf_counter()
-        directions = field(len(sweeps), engine.relaxed_points, vertices)
         moved = 0
-        for batch in range(engine.batches):
-            moved += engine.move_batch(batch, directions)
+        for number in _updates(engine, projection, field, len(sweeps)):
+            moved += number
             if (cut := cut_short(begin, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
-        history.append(engine.q1())
+        history.append(_q1(engine, projection))
         sweeps.append(Sweep(len(sweeps) + 1, "relax", history[-1], moved, time.perf_counter() - start))
         if on_sweep is not None:
             on_sweep(sweeps[-1])
@@ -126,3 +126,19 @@ def cut_short(begin: float, stopping: Stopping, interrupted: Callable[[], bool])
     if stopping.time_limit is not None and time.perf_counter() - begin >= stopping.time_limit:
         return "time-limit"
     return None
+
+
+def _updates(
+    engine: Engine, projection: Projection | None, field: DirectionField, sweep: int
+) -> Iterator[int]:
+    """Do a sweep, batch by batch; yields how many vertices of each moved."""
+    directions = field(sweep, engine.relaxed_points, engine.problem.relaxed)
+    for batch in range(engine.batches):
+        yield engine.move_batch(batch, directions)
+    if projection is not None:
+        yield from projection.sweep(sweep, engine.coordinates)
+
+
+def _q1(engine: Engine, projection: Projection | None) -> float:
+    q1 = engine.q1()
+    return q1 if projection is None else min(q1, projection.q1(engine.coordinates))

@@ -8,7 +8,7 @@ import numpy as np
 
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.quality.angles import extreme_angles
-from dvr_cli.quality.mean_ratio import corner_qualities
+from dvr_cli.quality.mean_ratio import cell_normals, corner_qualities, turned_over
 from dvr_cli.quality.vector import ring_minima
 
 DEGENERATE = 1e-10  # |Q| up to which an element counts as degenerate rather than positive or inverted
@@ -56,14 +56,23 @@ class Quality:
     elements: np.ndarray
 
 
-def measure(domain: Domain, points: np.ndarray, relaxed: np.ndarray, worst: int = 10) -> Quality:
+def measure(
+    domain: Domain,
+    points: np.ndarray,
+    relaxed: np.ndarray,
+    worst: int = 10,
+    inverted: np.ndarray | None = None,
+) -> Quality:
     """The quality of a domain with coordinates ``points`` (given as its mesh gives them).
 
-    relaxed: (m,) indices of the relaxed vertices. worst: how many of the worst elements to list.
+    relaxed: (m,) indices of the relaxed vertices. worst: how many of the worst elements to list. inverted:
+    (C,) bool, the corners of a surface that are turned over; by default those that are in their own cell.
     """
     flat = domain.flatten(points)
     corners = domain.corners
-    by_corner = corner_qualities(flat, corners, domain.compiled)
+    if domain.is_surface and inverted is None:
+        inverted = turned_over(flat, corners, cell_normals(flat, corners))
+    by_corner = corner_qualities(flat, corners, domain.compiled, inverted)
     elements = np.minimum.reduceat(by_corner, corners.first[:-1])
     moves = np.zeros(len(points), dtype=bool)
     moves[relaxed] = True

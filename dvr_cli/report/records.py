@@ -11,7 +11,12 @@ from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.report.limits import Limit
 from dvr_cli.report.quality import Quality
 
-UNITS = {"quality": "mean ratio, from -1 to 1", "angle": "degree", "seconds": "second"}
+UNITS = {
+    "quality": "mean ratio, from -1 to 1",
+    "angle": "degree",
+    "seconds": "second",
+    "deviation": "that of the coordinates",
+}
 
 
 @dataclass(frozen=True)
@@ -19,7 +24,8 @@ class MeshSummary:
     """What a report says of the mesh itself.
 
     cells: number of cells by type, of all dimensions. dimension: 2 or 3. mirrored: cells stored inside out.
-    regions: how many regions its tags tell apart. curved: second-order cells that are not straight.
+    regions: how many regions its tags tell apart. curved: second-order cells that are not straight. surface:
+        whether it is a surface in space.
     """
 
     points: int
@@ -28,6 +34,22 @@ class MeshSummary:
     mirrored: int
     regions: int
     curved: int
+    surface: bool
+
+
+@dataclass(frozen=True)
+class BoundaryChange:
+    """What became of a boundary, or a surface, whose vertices were projected.
+
+    deviation: the largest distance between the old and the new one, measured from both, and max_deviation:
+    the bound it keeps, in the unit of the coordinates. volume_change, area_change: of the domain and of its
+    boundary, of a surface, or of a planar domain, relative to the input; None where there is no such thing.
+    """
+
+    deviation: float
+    max_deviation: float
+    volume_change: float | None
+    area_change: float | None
 
 
 @dataclass(frozen=True)
@@ -61,8 +83,10 @@ class SmoothReport:
     sweeps: for each its number from 1 (sweep), its phase, Q1 after it (q1), vertices moved, seconds taken,
         and when polishing the mean quality of the corners with a relaxed vertex (mean, else null).
     stopped_because: "converged", "max-iterations", "target", "time-limit", "interrupted",
-        "nothing-to-relax", or "rounding" when rounding would undo the gain and the mesh was left as it was.
+        "nothing-to-relax", or "rounding" when rounding would undo the gain, "deviation" when the boundary
+        came too far from the input; then the mesh was left as it was.
     limited_by: what holds the worst element where relaxing on would not, None if that is not known.
+    boundary: what became of a boundary or surface that was projected, else None.
     seconds: time of the relaxation, reading and writing aside.
     """
 
@@ -78,6 +102,7 @@ class SmoothReport:
     engine: str
     threads: int
     options: dict[str, Any]
+    boundary: BoundaryChange | None = None
 
     def record(self, path: str | None = None, source: str | None = None) -> dict[str, Any]:
         """The report as JSON-ready data, schema dvr.smooth/1; ``quality`` is that of the result.
@@ -99,6 +124,7 @@ class SmoothReport:
             "sweeps": self.sweeps,
             "stopped_because": self.stopped_because,
             "limited_by": None if self.limited_by is None else asdict(self.limited_by),
+            "boundary": None if self.boundary is None else asdict(self.boundary),
             "seconds": self.seconds,
             "engine": self.engine,
             "threads": self.threads,
@@ -121,6 +147,7 @@ def summarise(mesh: Mesh, domain: Domain) -> MeshSummary:
         mirrored=domain.mirrored,
         regions=int(domain.region.max(initial=0)) + 1,
         curved=domain.mids.curved if domain.mids is not None else 0,
+        surface=domain.is_surface,
     )
 
 

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from dvr_cli.report.compare import Comparison
     from dvr_cli.report.limits import Limit
     from dvr_cli.report.quality import Element, Quality
-    from dvr_cli.report.records import MeshSummary, QualityReport, SmoothReport
+    from dvr_cli.report.records import BoundaryChange, MeshSummary, QualityReport, SmoothReport
 
 _LABEL = 19  # columns of a row's label
 _VALUE = 9  # columns of a value
@@ -23,7 +23,7 @@ def quality_text(report: QualityReport, path: str, bar: str = "#") -> str:
     mesh, quality = report.mesh, report.quality
     counts = [("points", mesh.points), *mesh.cells.items(), ("relaxed vertices", report.relaxed)]
     counts += [("regions", mesh.regions)] if mesh.regions > 1 else []
-    lines = [f"{path} ({mesh.dimension}D)", *(_row(name, str(count)) for name, count in counts), ""]
+    lines = [f"{path} ({_kind(mesh)})", *(_row(name, str(count)) for name, count in counts), ""]
     lines.append("quality (mean ratio: 1 ideal, 0 degenerate, below 0 inverted)")
     remarks = _remarks(quality)
     lines += [
@@ -43,12 +43,13 @@ def smooth_text(report: SmoothReport, source: str, output: str) -> str:
     cells = ", ".join(f"{count} {name}" for name, count in mesh.cells.items())
     lines = [
         f"{source} -> {output}",
-        f"{mesh.dimension}D, {cells}",
+        f"{_kind(mesh)}, {cells}",
         f"relaxed {report.relaxed} of {mesh.points} points in {_count(len(report.sweeps), 'sweep')}, "
         f"{report.seconds:.3f} s",
         *_side_by_side(report.before, report.after, mesh.dimension),
         _why_stopped(report),
         *_polished(report),
+        *_boundary(report.boundary),
         *_limit(report.limited_by),
         *_notes(mesh),
     ]
@@ -137,6 +138,7 @@ def _why_stopped(report: SmoothReport) -> str:
         "time-limit": f"stopped: the time limit of {options['time_limit']} s was reached",
         "interrupted": "interrupted: the mesh reached by then was written",
         "rounding": "left as it was: rounding the coordinates would undo what there is to gain",
+        "deviation": "left as it was: the boundary would come too far from the input's",
         "nothing-to-relax": "nothing to relax: "
         + ("the selection leaves no vertex that could move" if selects else "no vertex lies inside the mesh"),
     }[report.stopped_because]
@@ -153,6 +155,20 @@ def _polished(report: SmoothReport) -> list[str]:
         for phase in report.phases
         if phase["phase"] == "polish"
     ]
+
+
+def _kind(mesh: MeshSummary) -> str:
+    return "surface" if mesh.surface else f"{mesh.dimension}D"
+
+
+def _boundary(change: BoundaryChange | None) -> list[str]:
+    """What became of a projected boundary."""
+    if change is None:
+        return []
+    changes = (("volume", change.volume_change), ("area", change.area_change))
+    parts = [f"{name} {100.0 * value:+.2g} %" for name, value in changes if value is not None]
+    apart = f"{change.deviation:.3g} from the input's at most (bound {change.max_deviation:.3g})"
+    return [f"boundary: {'; '.join([apart, *parts])}"]
 
 
 def _notes(mesh: MeshSummary) -> list[str]:

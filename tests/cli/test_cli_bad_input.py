@@ -131,12 +131,6 @@ def repeated_vertex(folder: Path) -> Path:
     return write(folder / "twice.msh", CORNERS, {"triangle": [[0, 1, 2], [0, 3, 3]]})
 
 
-@bad_input
-def surface_in_space(folder: Path) -> Path:
-    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 1], [0, 1, 0]])
-    return write(folder / "surface.vtk", points, {"triangle": [[0, 1, 2], [0, 2, 3]]})
-
-
 @pytest.mark.parametrize("make", INPUTS.values(), ids=INPUTS.keys())
 @pytest.mark.parametrize("command", ["smooth", "quality", "compare"])
 def test_bad_input(dvr, tmp_path, make, command):

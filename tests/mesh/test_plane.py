@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import dvr_cli
-from dvr_cli.errors import InputError
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.plane import plane_of
@@ -151,12 +150,14 @@ def test_orphan_nodes_need_not_lie_in_the_plane():
     assert report.mesh.dimension == 2
 
 
-def test_curved_surface_is_refused():
+def test_curved_surface_is_no_planar_mesh():
     mesh = random_mesh("triangle", 1)
     for height in (0.2 * mesh.points[:, 0] ** 2, 1e-6 * mesh.points[:, 0] ** 2):
-        curved = Mesh(np.column_stack([mesh.points, height]), mesh.cells)
-        with pytest.raises(InputError, match="not planar"):
-            domain_of(curved)
+        domain = domain_of(Mesh(np.column_stack([mesh.points, height]), mesh.cells))
+        assert domain.plane is None
+        assert domain.is_surface
+        assert domain.dimension == 2
+    assert not domain_of(mesh).is_surface
 
 
 def test_faces_of_a_volume_are_no_surface():

@@ -123,7 +123,7 @@ def test_boundary_vertices_that_slide_would_free():
 
 def test_corners_of_the_domain_cannot_be_freed():
     """The triangle at the corner has all its vertices there or on edges that turn: no option frees them."""
-    points = np.array([[0, 0], [1, 0], [1.2, 1.2], [0, 1], [0.6, 0.6], [-0.5, -0.02], [0.5, -0.02]])
+    points = np.array([[0, 0], [1, 0], [1.2, 1.2], [0, 1], [0.6, 0.6], [-0.5, -0.02], [0.5, -0.4]])
     cells = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [5, 6, 0], [6, 1, 0]])
     found, report = limit(Mesh(points, [Cells("triangle", cells)]))
     assert report.after.minimum == report.after.fixed_cap < report.after.q1

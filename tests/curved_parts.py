@@ -1,0 +1,138 @@
+"""Parts with curved faces, solid and as surfaces, and brute-force distances to what they were."""
+
+from __future__ import annotations
+
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import Delaunay
+
+from dvr_cli.files import gmsh as reader
+from dvr_cli.mesh.mesh import Cells, Mesh
+
+# how Gmsh's kernel makes each, and the size of its elements
+PARTS = {
+    "sphere": (lambda occ: occ.addSphere(0, 0, 0, 1), 0.45),
+    "cylinder": (lambda occ: occ.addCylinder(0, 0, 0, 0, 0, 2, 1), 0.5),
+    "torus": (lambda occ: occ.addTorus(0, 0, 0, 1, 0.4), 0.3),
+}
+
+
+@cache
+def solid(name: str) -> Mesh:
+    """The part called ``name`` in tetrahedra as Gmsh leaves them without optimising, and nothing else."""
+    return _only(_meshed(name, 3), "tetra")
+
+
+@cache
+def surface(name: str) -> Mesh:
+    """The surface of the part in triangles, shaken along itself so that there is something to gain."""
+    mesh = _only(_meshed(name, 2), "triangle")
+    rng = np.random.default_rng(4)
+    points = mesh.points.copy()
+    inner = np.flatnonzero(~_on_edges(name, points))
+    shift = 0.04 * rng.standard_normal((len(inner), 3))
+    points[inner] = _onto(name, points[inner] + shift)
+    return Mesh(points, mesh.cells)
+
+
+def scanned(n: int = 12, noise: float = 0.004) -> Mesh:
+    """A hilly height field over random places, with noise on the heights: open, and nowhere smooth."""
+    rng = np.random.default_rng(8)
+    xy = rng.random((n * n, 2))
+    side = np.linspace(0, 1, n)
+    border = np.concatenate([[(t, 0), (1, t), (1 - t, 1), (0, 1 - t)] for t in side[:-1]])
+    xy = np.concatenate([border, 0.05 + 0.9 * xy])
+    z = 0.1 * np.sin(5 * xy[:, 0]) * np.cos(4 * xy[:, 1]) + noise * rng.standard_normal(len(xy))
+    return Mesh(np.column_stack([xy, z]), [Cells("triangle", Delaunay(xy).simplices.astype(np.int64))])
+
+
+def skin(mesh: Mesh) -> np.ndarray:
+    """The boundary triangles of a tetrahedral mesh, or all triangles of a surface."""
+    cells = mesh.cells[0].vertices
+    if cells.shape[1] == 3:
+        return cells
+    faces = cells[:, [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)]].reshape(-1, 3)
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    return faces[first[count == 1]]
+
+
+def distances(queries: np.ndarray, points: np.ndarray, simplices: np.ndarray) -> np.ndarray:
+    """(n,) distance of each query to the nearest of all triangles or segments, each looked at."""
+    corners = points[simplices]
+    result = np.full(len(queries), np.inf)
+    for a, b, *rest in corners:
+        for p, q in ((a, b), (b, rest[0]), (rest[0], a)) if rest else ((a, b),):
+            t = np.clip((queries - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
+            result = np.minimum(result, np.linalg.norm(queries - p - t[:, None] * (q - p), axis=1))
+        if rest:
+            frame = np.array([b - a, rest[0] - a])
+            u, v = np.linalg.solve(frame @ frame.T, frame @ (queries - a).T)
+            normal = np.cross(*frame)
+            height = np.abs((queries - a) @ normal) / np.linalg.norm(normal)
+            inside = (u >= 0) & (v >= 0) & (u + v <= 1)
+            result = np.where(inside, np.minimum(result, height), result)
+    return result
+
+
+def apart(before: np.ndarray, after: np.ndarray, simplices: np.ndarray) -> float:
+    """The largest distance between two states of triangles or segments, found densely from both sides."""
+    k = simplices.shape[1]
+    steps = np.array([w for w in np.ndindex(*[5] * k) if sum(w) == 4]) / 4
+    changed = simplices[(before != after).any(axis=1)[simplices].any(axis=1)]
+    largest = 0.0
+    for here, there in ((before, after), (after, before)):
+        samples = np.einsum("sk,fkd->fsd", steps, here[changed]).reshape(-1, before.shape[1])
+        largest = max(largest, distances(samples, there, simplices).max(initial=0.0))
+    return largest
+
+
+def _meshed(name: str, dimension: int) -> Mesh:
+    import gmsh
+
+    build, size = PARTS[name]
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("Mesh.MeshSizeMin", size)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+        gmsh.option.setNumber("Mesh.Optimize", 0)
+        build(gmsh.model.occ)
+        gmsh.model.occ.synchronize()
+        gmsh.model.mesh.generate(dimension)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "part.msh"
+            gmsh.write(str(path))
+            return reader.read(path.read_bytes()).mesh
+    finally:
+        gmsh.finalize()
+
+
+def _only(mesh: Mesh, kind: str) -> Mesh:
+    """The cells of one type, in one block, without tags: no seams of the geometry, no groups."""
+    cells = np.concatenate([block.vertices for block in mesh.cells if block.type == kind])
+    return Mesh(mesh.points, [Cells(kind, cells)])
+
+
+def _on_edges(name: str, points: np.ndarray) -> np.ndarray:
+    if name != "cylinder":
+        return np.zeros(len(points), dtype=bool)
+    rim = np.abs(np.linalg.norm(points[:, :2], axis=1) - 1) < 1e-9
+    return rim & ((points[:, 2] < 1e-9) | (points[:, 2] > 2 - 1e-9))
+
+
+def _onto(name: str, points: np.ndarray) -> np.ndarray:
+    """Points near the part's smooth surface, put on it."""
+    if name == "sphere":
+        return points / np.linalg.norm(points, axis=1)[:, None]
+    radius = np.linalg.norm(points[:, :2], axis=1)[:, None]
+    if name == "cylinder":
+        lids = (np.abs(points[:, 2] - 1) > 0.75) & (radius[:, 0] < 0.85)
+        onto = np.column_stack([points[:, :2] / radius, np.clip(points[:, 2], 0.1, 1.9)])
+        flat = np.column_stack([points[:, :2], np.where(points[:, 2] > 1, 2.0, 0.0)])
+        return np.where(lids[:, None], flat, onto)
+    ring = np.column_stack([points[:, :2] / radius, np.zeros(len(points))])
+    way = points - ring
+    return ring + 0.4 * way / np.linalg.norm(way, axis=1)[:, None]
