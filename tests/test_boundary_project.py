@@ -246,3 +246,14 @@ def test_a_mesh_with_flat_faces_slides_as_exactly_as_with_slide():
     assert (slid == result).all()
     assert (slid != points).any()
     assert report.boundary is None
+
+
+@pytest.mark.parametrize("options", [{"directions": "steepest"}, {"directions": "optimal"}, {"polish": True}])
+@pytest.mark.parametrize("name", ["cylinder-solid", "sphere-surface"])
+def test_other_ways_of_relaxing_leave_what_projection_keeps(name, options):
+    mesh = MESHES[name]()
+    points, report = projected(mesh, 2, **options)
+    on_skin = np.unique(skin(mesh))
+    assert report.after.q1 > report.before.q1
+    assert distances(points[on_skin], mesh.points, skin(mesh)).max() < 1e-12
+    assert apart(mesh.points, points, skin(mesh)) <= report.boundary.max_deviation

@@ -46,7 +46,7 @@ class Projection:
         order: str = "coloured",
         seed: int = 0,
     ) -> None:
-        """corners, points (N, d): of the mesh. field: the given directions, of which vertices take the tangential
+        """corners, points (N, d): of the mesh. field: given directions, of which vertices take the tangential
         part. limit: how far from the input the boundary may be found at the points that are looked at.
 
         order, seed: as for ``build_problem``, which numbers the vertices as it does for the engines.
