@@ -34,29 +34,29 @@ NEARLY_CROSSED = 1e-7  # relative difference of two corners from which one more 
 
 @dataclass
 class Lines:
-    """The coefficients of v and s of every corner along its vertex's line: (K, n) each.
+    """The coefficients of v and s of every corner along its vertex's line.
 
-    s2 may have shape (1, n): it is the same for all corners of one target shape.
+    terms: (4, K, n), v0, v1, s0 and s1, which are attributes too. s2: (K, n), or (1, n) if it is the same for
+    all corners, as of one target shape.
     """
 
-    v0: np.ndarray
-    v1: np.ndarray
-    s0: np.ndarray
-    s1: np.ndarray
+    terms: np.ndarray
     s2: np.ndarray
     dimension: int
+
+    def __post_init__(self) -> None:
+        """Name the terms."""
+        self.v0, self.v1, self.s0, self.s1 = self.terms
 
     def of(self, corner: np.ndarray) -> Lines:
         """The lines of chosen corners of each vertex; corner is (n,) or (2, n), and so are they."""
         column = np.arange(corner.shape[-1])
         s2 = self.s2[corner, column] if len(self.s2) > 1 else self.s2[0]
-        v0, v1, s0, s1 = (c[corner, column] for c in (self.v0, self.v1, self.s0, self.s1))
-        return Lines(v0, v1, s0, s1, s2, self.dimension)
+        return Lines(self.terms[:, corner, column], s2, self.dimension)
 
     def taken(self, vertices: np.ndarray) -> Lines:
         """All corners of some of the vertices."""
-        v0, v1, s0, s1, s2 = (c[..., vertices] for c in (self.v0, self.v1, self.s0, self.s1, self.s2))
-        return Lines(v0, v1, s0, s1, s2, self.dimension)
+        return Lines(self.terms[..., vertices], self.s2[..., vertices], self.dimension)
 
     def v(self, at: np.ndarray) -> np.ndarray:
         """v(λ)."""
@@ -118,7 +118,7 @@ def coefficients(
     edges = [subtract(end, x) for end in ends]
     normal = opposite_normal(ends)
     v = dot(edges[0], normal), -dot(direction, normal)
-    return Lines(*v, *_norms(direction, edges, norm, slope, curvature), dimension=len(x))
+    return _lines(v, direction, edges, norm, slope, curvature, len(x))
 
 
 def surface_coefficients(
@@ -140,21 +140,24 @@ def surface_coefficients(
     length = np.sqrt(dot(area, area)) * np.where(inverted, -1.0, 1.0)
     with np.errstate(all="ignore"):
         v1 = np.where(length != 0.0, -dot(change, area) / length, 0.0)
-    return Lines(length, v1, *_norms(direction, edges, norm, slope, curvature), dimension=2)
+    return _lines((length, v1), direction, edges, norm, slope, curvature, 2)
 
 
-def _norms(
+def _lines(
+    v: tuple[np.ndarray, np.ndarray],
     direction: Components,
     edges: Sequence[Components],
     norm: Sequence[np.ndarray],
     slope: Sequence[np.ndarray],
     curvature: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """s0, s1 and s2 of corners with these edges."""
+    dimension: int,
+) -> Lines:
+    """The lines of corners with these v0 and v1, and these edges."""
     along = slope[0] * dot(direction, edges[0])
     for j in range(1, len(edges)):
         along = along + slope[j] * dot(direction, edges[j])
-    return weighted_norm(edges, norm), -along, curvature * dot(direction, direction)
+    terms = np.stack([*v, weighted_norm(edges, norm), -along])
+    return Lines(terms, curvature * dot(direction, direction), dimension)
 
 
 def maximise_minimum(lines: Lines) -> tuple[np.ndarray, np.ndarray]:
@@ -262,25 +265,29 @@ def _crossing(two: Lines, left: np.ndarray, right: np.ndarray) -> np.ndarray:
     B_a - B_b, kept inside a shrinking bracket by bisection.
     """
     result, which = np.empty(len(left)), np.arange(len(left))
-    at = 0.5 * (left + right)
+    at, active = 0.5 * (left + right), np.ones(len(left), dtype=bool)
     for _ in range(MAX_NEWTON):
         v, t, dt = two.root(at)
         one, other = t * v[::-1]
         dh_one, dh_other = dt * v[::-1] + t * two.v1[::-1]
         h, dh = one - other, dh_one - dh_other
-        left = np.where(h > 0, at, left)
-        right = np.where(h > 0, right, at)
+        above = h > 0
+        left, right = np.where(above, at, left), np.where(above, right, at)
         newton = at - h / dh
         inside = (newton > left) & (newton < right)
         near = np.abs(h) <= NEARLY_CROSSED * one
-        at = np.where(inside, newton, np.where(near, at, 0.5 * (left + right)))
-        result[which] = at
-        keep = np.flatnonzero(~near & (at > left) & (at < right))
-        if not len(keep):
+        after = np.where(inside, newton, np.where(near, at, 0.5 * (left + right)))
+        at = np.where(active, after, at)
+        active &= ~near & (at > left) & (at < right)
+        n = np.count_nonzero(active)
+        if not n:
             break
-        if len(keep) < len(at):
-            two = two.taken(keep)
+        if 2 * n < len(at):  # leaving out fewer costs more than it saves
+            result[which] = at
+            keep = np.flatnonzero(active)
+            two, active = two.taken(keep), active[keep]
             which, at, left, right = which[keep], at[keep], left[keep], right[keep]
+    result[which] = at
     return result
 
 
