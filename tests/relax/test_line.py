@@ -5,7 +5,7 @@ import pytest
 
 import oracle
 from dvr_cli.mesh.corners import ORIGIN_FIRST, target_matrix
-from dvr_cli.relax.line import badness, coefficients, improves, maximise_minimum
+from dvr_cli.relax.line import Lines, badness, coefficients, improves, maximise_minimum
 
 KINDS = [
     "2d",
@@ -85,12 +85,10 @@ def test_a_ring_gets_the_same_step_in_any_company():
     rings = [oracle.random_ring(rng, "3d") for _ in range(64)]
     lines = [lines_of(*ring) for ring in rings]
     size = max(len(one.v0) for one in lines)
-    together = lines_of(*rings[0])
-    for name in ("v0", "v1", "s0", "s1", "s2"):
-        columns = [
-            np.pad(getattr(one, name), ((0, size - len(one.v0)), (0, 0)), mode="edge") for one in lines
-        ]
-        setattr(together, name, np.concatenate(columns, axis=1))
+    padded = [[(0, 0), (0, size - len(one.v0)), (0, 0)] for one in lines]
+    terms = [np.pad(one.terms, width, mode="edge") for one, width in zip(lines, padded, strict=True)]
+    s2 = [np.pad(one.s2, width[1:], mode="edge") for one, width in zip(lines, padded, strict=True)]
+    together = Lines(np.concatenate(terms, axis=2), np.concatenate(s2, axis=1), 3)
     alone = [maximise_minimum(lines_of(*ring))[0][0] for ring in rings]
     assert maximise_minimum(together)[0].tolist() == alone
 
