@@ -13,6 +13,8 @@ import numpy as np
 from dvr_cli.mesh.corners import SHAPES, Corners
 from dvr_cli.mesh.simplex import Components, chunks, dot, edges_and_determinant
 
+DEGENERATE = 1e-10  # |Q| up to which an element counts as degenerate rather than positive or inverted
+
 
 def weighted_norm(edges: Sequence[Components], norm: Sequence[np.ndarray]) -> np.ndarray:
     """s = Σ_jk M_jk e_j·e_k, with the coefficients of ``ShapeTable.norm``."""

@@ -8,10 +8,9 @@ import numpy as np
 
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.quality.angles import extreme_angles
-from dvr_cli.quality.mean_ratio import cell_normals, corner_qualities, turned_over
+from dvr_cli.quality.mean_ratio import DEGENERATE, cell_normals, corner_qualities, turned_over
 from dvr_cli.quality.vector import ring_minima
 
-DEGENERATE = 1e-10  # |Q| up to which an element counts as degenerate rather than positive or inverted
 QUANTILES = (0.01, 0.1, 0.5)
 HISTOGRAM_BINS = 20
 

@@ -1,0 +1,112 @@
+"""Minimising a smooth function of many variables: L-BFGS with a weak-Wolfe line search.
+
+Nocedal & Wright, Numerical Optimization (2006), algorithms 7.4 and 7.5; the line search brackets and bisects
+as in Lewis & Overton, Nonsmooth optimization via quasi-Newton methods (2013), algorithm 2.6. SciPy's L-BFGS-B
+adds up through BLAS, whose last bits depend on the number of threads; these sums do not.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+Function = Callable[[np.ndarray], tuple[float, np.ndarray]]
+
+_MEMORY = 10  # pairs of steps and changes of the gradient that stand for the Hessian
+_DECREASE, _CURVATURE = 1e-4, 0.9  # of the Wolfe conditions
+_TRIALS = 30  # points looked at along a line
+_FIRST = 0.1  # largest component of the first step
+_LOOK_BACK = 10  # steps over which progress is judged
+
+
+def minimise(
+    function: Function,
+    x: np.ndarray,
+    steps: int,
+    progress: float,
+    stop: Callable[[], bool] = lambda: False,
+) -> np.ndarray:
+    """The point (n,) reached from ``x`` after at most so many steps; no step raises the function.
+
+    function: gives value and gradient (n,); a value that is not finite is taken for a step too long.
+    progress: end when the value fell by less than this part of itself in the last ten steps.
+    stop: asked after each step, ends when true.
+    """
+    value, gradient = function(x)
+    values = [value]
+    pairs: deque[tuple[np.ndarray, np.ndarray, float]] = deque(maxlen=_MEMORY)
+    for _ in range(steps):
+        direction = _direction(gradient, pairs)
+        largest = float(np.abs(gradient).max())
+        if largest == 0:
+            break
+        length = 1.0 if pairs else min(1.0, _FIRST / largest)
+        found = _line_search(function, x, value, gradient, direction, length)
+        if found is None:
+            if not pairs:
+                break
+            pairs.clear()  # the model misled: start again along the gradient
+            continue
+        step, value, new_gradient = found
+        x, change, gradient = x + step, new_gradient - gradient, new_gradient
+        if (curvature := _dot(step, change)) > 0:
+            pairs.append((step, change, curvature))
+        values.append(value)
+        if len(values) > _LOOK_BACK and values[-_LOOK_BACK - 1] - value < progress * abs(value):
+            break
+        if stop():
+            break
+    return x
+
+
+def _direction(gradient: np.ndarray, pairs: deque[tuple[np.ndarray, np.ndarray, float]]) -> np.ndarray:
+    """The two-loop recursion: minus the gradient times the inverse of the Hessian that ``pairs`` stand for."""
+    q = -gradient
+    if not pairs:
+        return q
+    weights = []
+    for step, change, curvature in reversed(pairs):
+        weights.append(_dot(step, q) / curvature)
+        q -= weights[-1] * change
+    _, change, curvature = pairs[-1]
+    q *= curvature / _dot(change, change)
+    for (step, change, curvature), weight in zip(pairs, reversed(weights), strict=True):
+        q += (weight - _dot(change, q) / curvature) * step
+    return q
+
+
+def _line_search(
+    function: Function,
+    x: np.ndarray,
+    value: float,
+    gradient: np.ndarray,
+    direction: np.ndarray,
+    length: float,
+) -> tuple[np.ndarray, float, np.ndarray] | None:
+    """A step along ``direction`` that meets the weak Wolfe conditions, the value and gradient there.
+
+    None if there is no such step within the trials and none that lowers the value enough either.
+    """
+    slope = _dot(gradient, direction)
+    low, high = 0.0, np.inf
+    best = None
+    if slope >= 0:
+        return None
+    for _ in range(_TRIALS):
+        step = length * direction
+        new_value, new_gradient = function(x + step)
+        if not new_value <= value + _DECREASE * length * slope:
+            high = length
+        else:
+            best = step, new_value, new_gradient
+            if _dot(new_gradient, direction) >= _CURVATURE * slope:
+                break
+            low = length
+        length = (low + high) / 2 if high < np.inf else 2 * low
+    return best
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> float:
+    return float((a * b).sum())
