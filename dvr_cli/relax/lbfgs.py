@@ -24,11 +24,11 @@ _LOOK_BACK = 10  # steps over which progress is judged
 def minimise(
     function: Function,
     x: np.ndarray,
-    steps: int,
+    evaluations: int,
     progress: float,
     stop: Callable[[], bool] = lambda: False,
 ) -> np.ndarray:
-    """The point (n,) reached from ``x`` after at most so many steps; no step raises the function.
+    """The point (n,) reached from ``x`` within so many evaluations; no step raises the function.
 
     function: gives value and gradient (n,); a value that is not finite is taken for a step too long.
     progress: end when the value fell by less than this part of itself in the last ten steps.
@@ -37,13 +37,15 @@ def minimise(
     value, gradient = function(x)
     values = [value]
     pairs: deque[tuple[np.ndarray, np.ndarray, float]] = deque(maxlen=_MEMORY)
-    for _ in range(steps):
+    used = 1
+    while used < evaluations:
         direction = _direction(gradient, pairs)
         largest = float(np.abs(gradient).max())
         if largest == 0:
             break
         length = 1.0 if pairs else min(1.0, _FIRST / largest)
-        found = _line_search(function, x, value, gradient, direction, length)
+        found, trials = _line_search(function, x, value, gradient, direction, length)
+        used += trials
         if found is None:
             if not pairs:
                 break
@@ -84,17 +86,15 @@ def _line_search(
     gradient: np.ndarray,
     direction: np.ndarray,
     length: float,
-) -> tuple[np.ndarray, float, np.ndarray] | None:
+) -> tuple[tuple[np.ndarray, float, np.ndarray] | None, int]:
     """A step along ``direction`` that meets the weak Wolfe conditions, the value and gradient there.
 
-    None if there is no such step within the trials and none that lowers the value enough either.
+    None if no step within the trials lowers the value enough. Also returned: how many trials it took.
     """
     slope = _dot(gradient, direction)
     low, high = 0.0, np.inf
-    best = None
-    if slope >= 0:
-        return None
-    for _ in range(_TRIALS):
+    best, trial = None, 0
+    for trial in range(1, _TRIALS + 1 if slope < 0 else 0):
         step = length * direction
         new_value, new_gradient = function(x + step)
         if not new_value <= value + _DECREASE * length * slope:
@@ -105,7 +105,7 @@ def _line_search(
                 break
             low = length
         length = (low + high) / 2 if high < np.inf else 2 * low
-    return best
+    return best, trial
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> float:

@@ -20,11 +20,11 @@ from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities, element_qua
 from dvr_cli.relax.energy import Energy
 from dvr_cli.relax.lbfgs import minimise
 
-_STEPS = 300  # of L-BFGS in a round
+_EVALUATIONS = 400  # of the energy in a round
 _PROGRESS = 1e-4  # part of the energy gained in ten steps below which a round ends
 _ROUNDS = 20
-_PATIENCE = 4  # rounds in a row that leave no fewer inverted elements after which to give up
-_SHRINK = 0.2  # ε in terms of the worst corner
+_PATIENCE = 4  # rounds in a row that do not help after which to give up
+_SHRINK = 0.2  # ε in terms of the worst corner; halved with each round in a row that does not help
 _LEAST_EPSILON = 1e-6
 _RINGS = 2  # of vertices around inverted elements that are free in the first round
 _PAYS = 0.9  # part of the excess energy that a round of evening out has to stay below
@@ -71,18 +71,17 @@ def untangle(
     if not run.tangled.any():
         return Untangling(points, [], "nothing-to-untangle")
     moved = np.zeros(len(points), dtype=bool)
-    rings, idle, fewest = _RINGS, 0, run.tangled.sum()
+    rings, idle = _RINGS, 0
     while run.tangled.any():
         if idle == _PATIENCE or len(run.rounds) == _ROUNDS or run.ended:
             return run.result("stuck")
         region = _widened(corners, _vertices_of(run.tangled, corners, len(points)), rings)
         moved |= region
         before = run.tangled.sum()
-        run.minimise(region, _SHRINK)
+        run.minimise(region, _SHRINK / 2**idle)
         after = run.tangled.sum()
         rings *= 2 if after > before / 2 else 1
-        idle = 0 if after < fewest else idle + 1
-        fewest = min(after, fewest)
+        idle = 0 if after < before else idle + 1
     core, rings = moved[corners.vertices].any(axis=1), _RINGS
     excess, before = run.excess(core), np.inf
     while not run.ended and excess > _EVEN and excess < _PAYS * before:
@@ -139,7 +138,7 @@ class _Run:
         displacements = np.zeros(len(freedom.relaxed) * self._corners.dimension)
         epsilon = float(np.hypot(_LEAST_EPSILON, shrink * min(energy.least(displacements), 0.0)))
         displacements = minimise(
-            lambda x: energy.regularised(x, epsilon), displacements, _STEPS, _PROGRESS, self._interrupted
+            lambda x: energy.regularised(x, epsilon), displacements, _EVALUATIONS, _PROGRESS, self._interrupted
         )
         self._scaled = self._scaled.copy()
         self._scaled[freedom.relaxed] = energy.points_after(displacements)
@@ -181,5 +180,8 @@ def _widened(corners: Corners, marked: np.ndarray, rings: int) -> np.ndarray:
     """The vertices ``marked`` ((N,) bool) and so many rings of neighbours around them."""
     marked = marked.copy()
     for _ in range(rings):
-        marked[corners.vertices[marked[corners.vertices].any(axis=1)]] = True
+        reached = corners.vertices[marked[corners.vertices].any(axis=1)]
+        if marked[reached].all():
+            break
+        marked[reached] = True
     return marked
