@@ -46,6 +46,7 @@ def smooth(
     feature_angle: float = 30.0,
     max_deviation: float | None = None,
     straighten: bool = False,
+    untangle: bool = False,
     patches: bool = False,
     polish: bool = False,
     floor: float = 0.999,
@@ -85,6 +86,7 @@ def smooth(
         feature_angle=feature_angle,
         max_deviation=max_deviation,
         straighten=straighten,
+        untangle=untangle,
         patches=patches,
         polish=polish,
         floor=floor,
@@ -93,8 +95,45 @@ def smooth(
         threads=threads,
         stopping=Stopping(max_iterations, tol, patience, target, time_limit),
     )
-    internal = as_mesh(mesh, cells)
-    points, report = smooth_mesh(internal, options)
+    return _smoothed(mesh, cells, options)
+
+
+def untangle(
+    mesh: meshio.Mesh | np.ndarray,
+    cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None = None,
+    *,
+    boundary: str = "fixed",
+    fix: Names = (),
+    straighten: bool = False,
+    time_limit: float | None = None,
+) -> tuple[Any, SmoothReport]:
+    """Make inverted and degenerate elements positive where the held vertices allow it, and no more.
+
+    mesh, cells, and what is returned and raised: as for ``smooth``, whose ``untangle`` does the same before
+    relaxing. Only vertices near inverted elements move; the result never has more inverted elements than the
+    input, and a mesh without any comes back as it is. boundary, fix: see SmoothOptions. time_limit: seconds.
+
+    >>> import numpy as np, dvr_cli
+    >>> points = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [1.5, 0.9]])
+    >>> triangles = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+    >>> moved, report = dvr_cli.untangle(points, {"triangle": triangles})
+    >>> report.before.inverted, report.after.inverted
+    (1, 0)
+    """
+    stopping = Stopping(max_iterations=0, time_limit=time_limit)
+    options = SmoothOptions(
+        boundary=boundary, fix=fix, straighten=straighten, untangle=True, stopping=stopping
+    )
+    return _smoothed(mesh, cells, options)
+
+
+def _smoothed(
+    mesh: meshio.Mesh | np.ndarray,
+    cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None,
+    options: SmoothOptions,
+) -> tuple[Any, SmoothReport]:
+    """Points or mesh, as they were handed over, and the report."""
+    points, report = smooth_mesh(as_mesh(mesh, cells), options)
     if isinstance(mesh, np.ndarray):
         return points, report
     moved = copy.copy(mesh)

@@ -46,6 +46,7 @@ class SmoothOptions:
     fix, only, below, layers: see Selection; fix and only are one name or several. vertices: numbers from 0,
         or the path of a .npy, .csv or .txt file with them.
     straighten: take curved second-order cells as straight. stopping: when to stop.
+    untangle: make inverted elements positive first.
     patches: after the sweeps move the surroundings of the worst elements jointly, worst first.
     polish: afterwards raise the mean quality, keeping all qualities above floor times the Q1 reached.
     preset: "paper" for the paper's Algorithm 1: random directions, natural order, max_iterations sweeps.
@@ -66,6 +67,7 @@ class SmoothOptions:
     layers: int = 0
     vertices: Vertices | None = None
     straighten: bool = False
+    untangle: bool = False
     patches: bool = False
     polish: bool = False
     floor: float = 0.999
@@ -155,6 +157,7 @@ class SmoothOptions:
             "layers": int(self.layers),
             "vertices": _described(self.vertices),
             "straighten": bool(self.straighten),
+            "untangle": bool(self.untangle),
             "patches": bool(self.patches),
             "polish": bool(self.polish),
             "floor": float(self.floor),

@@ -12,7 +12,8 @@ import numpy as np
 
 from dvr_cli.api.boundary import moves_of, projected
 from dvr_cli.api.options import BOUNDARIES, SmoothOptions
-from dvr_cli.errors import OutputError
+from dvr_cli.api.untangling import untangle_phase, weaker
+from dvr_cli.errors import InputError, OutputError
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.choice import checked_threads, chosen_engine, make_engine
@@ -21,6 +22,7 @@ from dvr_cli.relax.patches import relax_patches
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.projection import Projection
 from dvr_cli.relax.sweeps import PHASES, Relaxation, Sweep, polish, relax
+from dvr_cli.relax.untangle import untangle
 from dvr_cli.report.limits import limit_of
 from dvr_cli.report.quality import Quality, measure
 from dvr_cli.report.records import SmoothReport, summarise
@@ -46,7 +48,7 @@ def smooth_mesh(
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> tuple[np.ndarray, SmoothReport]:
-    """Relax a Mesh; returns its new points (N, 2|3) and the report.
+    """Untangle, if asked for, and relax a Mesh; returns its new points (N, 2|3) and the report.
 
     storage: where the result goes; the points returned and the report's final qualities are those kept there.
     on_sweep, interrupted: see ``sweeps.relax``.
@@ -58,6 +60,8 @@ def smooth_mesh(
     )
     compiled = engine_name == "numba"
     domain = domain_of(mesh, options.straighten, compiled)
+    if options.untangle and domain.is_surface:
+        raise InputError("a surface in space cannot be untangled; planar and volume meshes can")
     chosen = options.selection.masks(mesh, domain)
     selected = np.logical_and.reduce([mesh.unlinked, *chosen.values()])
     moves = partial(moves_of, mesh, feature_angle=options.feature_angle)
@@ -73,9 +77,19 @@ def smooth_mesh(
     parts = options.order, options.seed, compiled, movement.freedom
     problem = build_problem(domain.corners, sliding, domain.points, *parts)
     engine = make_engine(engine_name, problem, checked_threads(options.threads))
+    start, stopping, reference, untangling = domain.points, options.stopping, before, None
+    if options.untangle:
+
+        def ended() -> bool:
+            return interrupted() or options.stopping.less(time.perf_counter() - begin).time_limit == 0
+
+        untangling = untangle(start, domain.corners, movement.freedom, ended)
+        start = untangling.points
+        stopping = stopping.less(time.perf_counter() - begin)
+        reference = weaker(measure(domain, domain.lift(mesh.points, start), relaxed), before)
 
     def run(projection: Projection | None) -> Relaxation:
-        return relax(engine, domain.points, directions, options.stopping, on_sweep, interrupted, projection)
+        return relax(engine, start, directions, stopping, on_sweep, interrupted, projection)
 
     inverted, boundary = None, None
     if movement.curved is None:
@@ -91,7 +105,7 @@ def smooth_mesh(
         flat, sweeps = patched.points, sweeps + patched.sweeps
         stopped_because = patched.stopped_because
     if options.polish and len(sliding) and stopped_because not in _FINAL:
-        floor = max(options.floor * engine.q1(), before.q1 or 0.0)
+        floor = max(options.floor * engine.q1(), reference.q1 or 0.0)
         left = options.stopping.less(time.perf_counter() - begin)
         polished = polish(engine, floor, left, len(sweeps), on_sweep, interrupted)
         phases.append({**_phase("polish", polished), "floor": floor})
@@ -100,10 +114,12 @@ def smooth_mesh(
             stopped_because = polished.stopped_because
     seconds = time.perf_counter() - begin
     points = domain.lift(mesh.points, flat)
-    if domain.is_tilted and _worse(measure(domain, points, relaxed), before):
+    if domain.is_tilted and _worse(measure(domain, points, relaxed), reference):
         points, stopped_because = mesh.points.copy(), "rounding"
     measured = partial(measure, domain, relaxed=relaxed, inverted=inverted)
-    points, after = _kept(measured, points, before, storage)
+    points, after = _kept(measured, points, reference, storage)
+    if untangling is not None:
+        phases.insert(0, untangle_phase(untangling, domain, movement.freedom, points))
     limited_by = None
     if stopped_because in _DONE or _capped(after):
         movable = moves(domain, options.boundary, mesh.unlinked).relaxed if chosen else relaxed

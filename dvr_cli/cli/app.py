@@ -10,6 +10,7 @@ from dvr_cli import __version__
 from dvr_cli.cli.report import compare, quality
 from dvr_cli.cli.smooth import smooth
 from dvr_cli.cli.streams import emit
+from dvr_cli.cli.untangle import untangle
 from dvr_cli.errors import UsageError
 
 # without markup, help and errors do not import rich, which would double the time they take
@@ -25,6 +26,7 @@ app = typer.Typer(**_SETTINGS)
 report = typer.Typer(help="Measure the quality of meshes.", **_SETTINGS)
 app.add_typer(report, name="report")
 app.command()(smooth)
+app.command()(untangle)
 report.command()(quality)
 report.command()(compare)
 

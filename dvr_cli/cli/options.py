@@ -68,6 +68,31 @@ FailBelow = Annotated[
 InputFormat = Annotated[
     str | None, typer.Option(metavar="NAME", help="Format of the input; default: by its suffix.")
 ]
+OutputFormat = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Format of OUT; default: by its suffix.")
+]
+Fix = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME",
+        help="Keep the vertices of a group in place: a physical group, region or set of IN by name or "
+        "tag. Can be repeated.",
+    ),
+]
+Report = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="PATH",
+        help="Where to write the report: .json, or .csv for the quality vector alone (vertices numbered "
+        "from 0); default: OUT with its suffix replaced by .quality.json, none if OUT is -.",
+    ),
+]
+NoReport = Annotated[bool, typer.Option("--no-report", help="Write no report.")]
+Straighten = Annotated[
+    bool, typer.Option("--straighten", help="Take curved second-order cells as straight instead of refusing.")
+]
+TimeLimit = Annotated[float | None, typer.Option(parser=number(0), metavar="S", help="Stop after S seconds.")]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the report as JSON.")]
 # main looks for it among the arguments, as errors of the parser precede any command
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]

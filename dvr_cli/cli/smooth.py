@@ -1,22 +1,29 @@
-"""``dvr smooth``: read a mesh, relax it, write it and its report, and sum up."""
+"""``dvr smooth``: what the command takes and says; ``run`` does the work."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
-from dvr_cli.cli.codes import DONE, GATE_FAILED, INTERRUPTED
-from dvr_cli.cli.interrupt import Interrupt
-from dvr_cli.cli.options import Debug, FailBelow, InputFormat, Vector, naming, number, quality_value, vector
-from dvr_cli.cli.progress import Progress
-from dvr_cli.cli.streams import say
-from dvr_cli.errors import OutputError, UsageError
-
-_LONG = 5.0  # seconds of relaxing after which the compiled engine is worth a word
-_REPORT_SUFFIXES = (".json", ".csv")
+from dvr_cli.cli.options import (
+    Debug,
+    FailBelow,
+    Fix,
+    InputFormat,
+    NoReport,
+    OutputFormat,
+    Quiet,
+    Report,
+    Straighten,
+    TimeLimit,
+    Vector,
+    number,
+    quality_value,
+    vector,
+)
+from dvr_cli.cli.run import run
 
 
 def smooth(
@@ -65,9 +72,7 @@ def smooth(
     target: Annotated[
         float | None, typer.Option(parser=quality_value, metavar="Q", help="Stop when Q1 reaches Q.")
     ] = None,
-    time_limit: Annotated[
-        float | None, typer.Option(parser=number(0), metavar="S", help="Stop after S seconds.")
-    ] = None,
+    time_limit: TimeLimit = None,
     order: Annotated[
         Literal["coloured", "natural", "shuffled"],
         typer.Option(help="Order of the vertices in a sweep.", metavar="coloured|natural|shuffled"),
@@ -102,14 +107,7 @@ def smooth(
             "of the diagonal of the bounding box.",
         ),
     ] = None,
-    fix: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME",
-            help="Keep the vertices of a group in place: a physical group, region or set of IN by name or "
-            "tag. Can be repeated.",
-        ),
-    ] = None,
+    fix: Fix = None,
     only: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="Relax only the vertices of a group. Can be repeated."),
@@ -143,18 +141,11 @@ def smooth(
     threads: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Threads of the numba engine; default: all cores.")
     ] = None,
-    report: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="PATH",
-            help="Where to write the report: .json, or .csv for the quality vector alone (vertices numbered "
-            "from 0); default: OUT with its suffix replaced by .quality.json, none if OUT is -.",
-        ),
-    ] = None,
-    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.")] = False,
-    straighten: Annotated[
-        bool,
-        typer.Option("--straighten", help="Take curved second-order cells as straight instead of refusing."),
+    report: Report = None,
+    no_report: NoReport = False,
+    straighten: Straighten = False,
+    untangle: Annotated[
+        bool, typer.Option("--untangle", help="Make inverted elements positive first, as dvr untangle does.")
     ] = False,
     patches: Annotated[
         bool,
@@ -182,11 +173,9 @@ def smooth(
         ),
     ] = None,
     input_format: InputFormat = None,
-    output_format: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Format of OUT; default: by its suffix.")
-    ] = None,
+    output_format: OutputFormat = None,
     fail_below: FailBelow = None,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")] = False,
+    quiet: Quiet = False,
     verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Print a line for each sweep.")] = False,
     debug: Debug = False,
 ) -> int:
@@ -194,13 +183,8 @@ def smooth(
 
     Q1, the worst quality that this can touch, never decreases. Ctrl-C ends early with the mesh reached.
     """
-    from dvr_cli.api import SmoothOptions, smooth_mesh
-    from dvr_cli.files import writing
-    from dvr_cli.files.reading import open_mesh
-    from dvr_cli.relax.choice import has_numba
+    from dvr_cli.api import SmoothOptions
     from dvr_cli.relax.stopping import Stopping
-    from dvr_cli.report.export import as_csv, as_json
-    from dvr_cli.report.text import gate_failure, smooth_text
 
     options = SmoothOptions(
         directions=directions,
@@ -217,6 +201,7 @@ def smooth(
         layers=layers,
         vertices=vertices,
         straighten=straighten,
+        untangle=untangle,
         patches=patches,
         polish=polish,
         floor=floor,
@@ -225,54 +210,15 @@ def smooth(
         threads=threads,
         stopping=Stopping(max_iterations, tol, patience, target, time_limit),
     )
-    if quiet and verbose:
-        raise UsageError("--quiet and --verbose exclude each other")
-    if report is not None and no_report:
-        raise UsageError("--report and --no-report exclude each other")
-    writing.output_format_of(output, output_format)
-    writing.check_writable(output)
-    if report is None and not no_report and not writing.is_stream(output):
-        report = output.with_suffix(".quality.json")
-    if report is not None:
-        _check_report(report, source, output)
-        writing.check_writable(report)
-
-    with Progress(quiet, verbose) as progress:
-        progress.show(f"reading {source}")
-        opened = open_mesh(source, input_format)
-        destination = writing.Output(opened, output, output_format)
-        progress.show("preparing")
-        with Interrupt() as interrupt:
-            with naming(source), naming(output, OutputError):
-                points, result = smooth_mesh(
-                    opened.mesh, options, destination, progress.sweep, lambda: interrupt.requested
-                )
-            progress.show(f"writing {output}")
-            destination.write(points)
-            if report is not None:
-                csv = report.suffix.lower() == ".csv"
-                text = as_csv(result.after) if csv else as_json(result.record(str(output), str(source)))
-                writing.write_text(report, text + "\n")
-    if not quiet:
-        say(smooth_text(result, str(source), str(output)))
-        if result.engine == "numpy" and result.seconds > _LONG and not has_numba():
-            say("note: the compiled engine would be several times faster: pip install 'dvr-cli[fast]'")
-        for note in destination.notes:
-            say(f"note: {output}: {note}")
-        if report is not None:
-            say(f"report: {report}")
-    if interrupt.requested:
-        return INTERRUPTED
-    if fail_below is not None and result.after.minimum < fail_below:
-        say(f"dvr: {gate_failure(result.after, fail_below)}")
-        return GATE_FAILED
-    return DONE
-
-
-def _check_report(path: Path, source: Path, output: Path) -> None:
-    """Raise UsageError if the report cannot go to ``path``."""
-    if path.suffix.lower() not in _REPORT_SUFFIXES:
-        known = ", ".join(_REPORT_SUFFIXES)
-        raise UsageError(f"--report {path}: unknown suffix {path.suffix!r}; known: {known}")
-    if os.path.realpath(path) in (os.path.realpath(source), os.path.realpath(output)):
-        raise UsageError(f"--report {path}: would overwrite a mesh")
+    return run(
+        source,
+        output,
+        options,
+        report=report,
+        no_report=no_report,
+        input_format=input_format,
+        output_format=output_format,
+        fail_below=fail_below,
+        quiet=quiet,
+        verbose=verbose,
+    )

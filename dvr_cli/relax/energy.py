@@ -1,7 +1,7 @@
 """The regularised mean-ratio energy of a mesh, finite for inverted elements too, and its gradient.
 
-Garanzha, Kaporin, Kudryavtseva, Protais, Ray & Sokolov, Foldover-free maps in 50 lines of code (ACM TOG 2021),
-with their shape term alone. With s and v of a corner as in ``quality.mean_ratio``, so that 1/Q = s / v^(2/d),
+Garanzha, Kaporin, Kudryavtseva, Protais, Ray & Sokolov, Foldover-free maps in 50 lines of code (ACM TOG
+2021), with their shape term alone. With s and v of a corner as in ``quality.mean_ratio``, 1/Q = s / v^(2/d),
 
     f = Σ s / χ(v, ε)^(2/d),    χ(v, ε) = (v + sqrt(ε² + v²)) / 2
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from dvr_cli.mesh.corners import SHAPES, Corners
 from dvr_cli.mesh.freedom import Freedom
-from dvr_cli.mesh.simplex import Components, cross, dot, subtract
+from dvr_cli.mesh.simplex import cross, dot, subtract
 
 _CHUNK = 1 << 13  # corners evaluated at a time: what they take stays in the cache
 
@@ -123,7 +123,7 @@ def _normals(edges: list[list[np.ndarray]]) -> list[list[np.ndarray]]:
     return [cross(b, c), cross(c, a), cross(a, b)]
 
 
-def _weighted(edges: list[list[np.ndarray]], norm: Components) -> list[list[np.ndarray]]:
+def _weighted(edges: list[list[np.ndarray]], norm: np.ndarray) -> list[list[np.ndarray]]:
     """Σ_k M_jk e_k for each edge j: half the derivatives of s; ``norm`` as in ``ShapeTable``."""
     d = len(edges)
     result = [[norm[j] * component for component in edge] for j, edge in enumerate(edges)]

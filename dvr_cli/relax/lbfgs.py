@@ -64,7 +64,7 @@ def minimise(
 
 
 def _direction(gradient: np.ndarray, pairs: deque[tuple[np.ndarray, np.ndarray, float]]) -> np.ndarray:
-    """The two-loop recursion: minus the gradient times the inverse of the Hessian that ``pairs`` stand for."""
+    """The two-loop recursion: minus the inverse Hessian that ``pairs`` stand for, times the gradient."""
     q = -gradient
     if not pairs:
         return q
@@ -93,8 +93,9 @@ def _line_search(
     """
     slope = _dot(gradient, direction)
     low, high = 0.0, np.inf
-    best, trial = None, 0
-    for trial in range(1, _TRIALS + 1 if slope < 0 else 0):
+    best, trials = None, 0
+    while trials < _TRIALS and slope < 0:
+        trials += 1
         step = length * direction
         new_value, new_gradient = function(x + step)
         if not new_value <= value + _DECREASE * length * slope:
@@ -105,7 +106,7 @@ def _line_search(
                 break
             low = length
         length = (low + high) / 2 if high < np.inf else 2 * low
-    return best, trial
+    return best, trials
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> float:

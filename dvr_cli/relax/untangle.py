@@ -75,7 +75,7 @@ def untangle(
     while run.tangled.any():
         if idle == _PATIENCE or len(run.rounds) == _ROUNDS or run.ended:
             return run.result("stuck")
-        region = _widened(corners, _vertices_of(run.tangled, corners, len(points)), rings)
+        region = widened(corners, vertices_of(run.tangled, corners, len(points)), rings)
         moved |= region
         before = run.tangled.sum()
         run.minimise(region, _SHRINK / 2**idle)
@@ -86,7 +86,7 @@ def untangle(
     excess, before = run.excess(core), np.inf
     while not run.ended and excess > _EVEN and excess < _PAYS * before:
         rings *= 2
-        moved = _widened(corners, moved, rings)
+        moved = widened(corners, moved, rings)
         run.minimise(moved, 0.0)
         excess, before = run.excess(core), excess
     return run.result("untangled")
@@ -138,7 +138,11 @@ class _Run:
         displacements = np.zeros(len(freedom.relaxed) * self._corners.dimension)
         epsilon = float(np.hypot(_LEAST_EPSILON, shrink * min(energy.least(displacements), 0.0)))
         displacements = minimise(
-            lambda x: energy.regularised(x, epsilon), displacements, _EVALUATIONS, _PROGRESS, self._interrupted
+            lambda x: energy.regularised(x, epsilon),
+            displacements,
+            _EVALUATIONS,
+            _PROGRESS,
+            self._interrupted,
         )
         self._scaled = self._scaled.copy()
         self._scaled[freedom.relaxed] = energy.points_after(displacements)
@@ -169,14 +173,14 @@ class _Run:
         return tangled & ~self._hopeless, (int(inverted.sum()), int((tangled & ~inverted).sum()))
 
 
-def _vertices_of(chosen: np.ndarray, corners: Corners, n_points: int) -> np.ndarray:
+def vertices_of(chosen: np.ndarray, corners: Corners, n_points: int) -> np.ndarray:
     """(N,) bool: the vertices of the elements marked in ``chosen`` ((n_cells,) bool)."""
     marked = np.zeros(n_points, dtype=bool)
     marked[corners.vertices[np.repeat(chosen, np.diff(corners.first))]] = True
     return marked
 
 
-def _widened(corners: Corners, marked: np.ndarray, rings: int) -> np.ndarray:
+def widened(corners: Corners, marked: np.ndarray, rings: int) -> np.ndarray:
     """The vertices ``marked`` ((N,) bool) and so many rings of neighbours around them."""
     marked = marked.copy()
     for _ in range(rings):

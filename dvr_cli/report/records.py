@@ -77,9 +77,11 @@ class QualityReport:
 class SmoothReport:
     """The report of ``dvr smooth``: qualities before and after, each sweep, and how it was run.
 
-    phases: "relax" and, if asked for, "patches" and "polish": for each what it guarantees, how many sweeps it
+    phases: if asked for "untangle", then "relax" and, if asked for, "patches" and "polish": for each what it guarantees, how many sweeps it
         took, why it stopped; for polishing the floor, below which no quality fell that was not below it
-        before.
+        before; for untangling its rounds (free vertices, elements inverted or degenerate after each, seconds)
+        and what is left of these in the result (elements), with a corner whose vertices are all held
+        (hopeless) or else near held facets that cross each other (crossing).
     sweeps: for each its number from 1 (sweep), its phase, Q1 after it (q1), vertices moved, seconds taken,
         and when polishing the mean quality of the corners with a relaxed vertex (mean, else null).
     stopped_because: "converged", "max-iterations", "target", "time-limit", "interrupted",
@@ -103,6 +105,11 @@ class SmoothReport:
     threads: int
     options: dict[str, Any]
     boundary: BoundaryChange | None = None
+
+    @property
+    def untangling(self) -> dict[str, Any] | None:
+        """The phase of untangling, None if it was not asked for."""
+        return self.phases[0] if self.phases[0]["phase"] == "untangle" else None
 
     def record(self, path: str | None = None, source: str | None = None) -> dict[str, Any]:
         """The report as JSON-ready data, schema dvr.smooth/1; ``quality`` is that of the result.

@@ -47,7 +47,8 @@ def smooth_text(report: SmoothReport, source: str, output: str) -> str:
         f"relaxed {report.relaxed} of {mesh.points} points in {_count(len(report.sweeps), 'sweep')}, "
         f"{report.seconds:.3f} s",
         *_side_by_side(report.before, report.after, mesh.dimension),
-        _why_stopped(report),
+        *_untangled(report),
+        *([] if report.untangling and not report.options["max_iterations"] else [_why_stopped(report)]),
         *_polished(report),
         *_boundary(report.boundary),
         *_limit(report.limited_by),
@@ -55,6 +56,7 @@ def smooth_text(report: SmoothReport, source: str, output: str) -> str:
     ]
     if left := report.after.inverted + report.after.degenerate:
         lines.append(f"note: {_count(left, 'inverted or degenerate element')} left")
+        lines += _left(report)
     return "\n".join(lines)
 
 
@@ -122,6 +124,35 @@ def _remarks(quality: Quality) -> dict[str, str]:
 def _side_by_side(before: Quality, after: Quality, dimension: int) -> list[str]:
     rows = zip(_figures(before, dimension), _figures(after, dimension), strict=True)
     return [_row("", "before", "after"), *(_row(name, old, new) for (name, old), (_, new) in rows)]
+
+
+def _untangled(report: SmoothReport) -> list[str]:
+    """What untangling did, if it was asked for."""
+    if report.untangling is None:
+        return []
+    rounds = report.untangling["rounds"]
+    if not rounds:
+        return ["nothing to untangle" if not report.after.inverted else "nothing that moving could untangle"]
+    tangled, seconds = rounds[-1]["tangled"], sum(one["seconds"] for one in rounds)
+    end = {
+        "untangled": "every element that can be is positive",
+        "stuck": f"gave up with {tangled} inverted or degenerate",
+        "interrupted": "ended early",
+    }[report.untangling["stopped_because"]]
+    return [f"untangled in {_count(len(rounds), 'round')}, {seconds:.3f} s: {end}"]
+
+
+def _left(report: SmoothReport) -> list[str]:
+    """Where the worst of the elements left inverted are, and why as far as that is known."""
+    if report.untangling is None:
+        return []
+    worst = [element for element in report.after.worst if element.quality <= 0]
+    lines = [f"  {_number(element.quality):>{_VALUE}}  {_place(element, 6)}" for element in worst]
+    if count := report.untangling["left"]["hopeless"]:
+        lines.append(f"  {count} of them with a corner whose vertices are all held: no movement helps")
+    if count := report.untangling["left"]["crossing"]:
+        lines.append(f"  {count} of them near held facets that cross each other")
+    return lines
 
 
 def _why_stopped(report: SmoothReport) -> str:

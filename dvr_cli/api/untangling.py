@@ -1,0 +1,39 @@
+"""What smoothing makes of the stage of untangling: its phase in the report, and what not to fall behind."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+
+from dvr_cli.mesh.domain import Domain
+from dvr_cli.mesh.freedom import Freedom
+from dvr_cli.relax.left import left_over
+from dvr_cli.relax.sweeps import PHASES
+from dvr_cli.relax.untangle import Untangling
+from dvr_cli.report.quality import Quality
+
+
+def untangle_phase(
+    untangling: Untangling, domain: Domain, freedom: Freedom, points: np.ndarray
+) -> dict[str, Any]:
+    """The phase of untangling as the report gives it, and what is left tangled in the end, at ``points``."""
+    return {
+        "phase": "untangle",
+        "guarantee": PHASES["untangle"],
+        "sweeps": 0,
+        "stopped_because": untangling.stopped_because,
+        "rounds": [asdict(one) for one in untangling.rounds],
+        "left": left_over(domain.flatten(points), domain, freedom),
+    }
+
+
+def weaker(untangled: Quality, before: Quality) -> Quality:
+    """What a result that started ``untangled`` must not be worse than: Q1 may be below that ``before``, as
+    untangling minds how many elements are inverted, not how much.
+    """
+    if untangled.q1 is None or before.q1 is None:
+        return before
+    inverted = min(untangled.inverted, before.inverted)
+    return replace(before, q1=min(untangled.q1, before.q1), inverted=inverted)

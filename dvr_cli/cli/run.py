@@ -1,0 +1,95 @@
+"""What ``dvr smooth`` and ``dvr untangle`` have in common: read, compute, write mesh and report, sum up."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvr_cli.cli.codes import DONE, GATE_FAILED, INTERRUPTED
+from dvr_cli.cli.interrupt import Interrupt
+from dvr_cli.cli.options import naming
+from dvr_cli.cli.progress import Progress
+from dvr_cli.cli.streams import say
+from dvr_cli.errors import OutputError, UsageError
+
+if TYPE_CHECKING:
+    from dvr_cli.api import SmoothOptions
+
+_LONG = 5.0  # seconds of relaxing after which the compiled engine is worth a word
+_REPORT_SUFFIXES = (".json", ".csv")
+
+
+def run(
+    source: Path,
+    output: Path,
+    options: SmoothOptions,
+    *,
+    report: Path | None,
+    no_report: bool,
+    input_format: str | None,
+    output_format: str | None,
+    fail_below: float | None,
+    quiet: bool,
+    verbose: bool = False,
+) -> int:
+    """Run a command that moves the vertices of a mesh and return its exit code; see ``dvr smooth --help``."""
+    from dvr_cli.api import smooth_mesh
+    from dvr_cli.files import writing
+    from dvr_cli.files.reading import open_mesh
+    from dvr_cli.relax.choice import has_numba
+    from dvr_cli.report.export import as_csv, as_json
+    from dvr_cli.report.text import gate_failure, smooth_text
+
+    if quiet and verbose:
+        raise UsageError("--quiet and --verbose exclude each other")
+    if report is not None and no_report:
+        raise UsageError("--report and --no-report exclude each other")
+    writing.output_format_of(output, output_format)
+    writing.check_writable(output)
+    if report is None and not no_report and not writing.is_stream(output):
+        report = output.with_suffix(".quality.json")
+    if report is not None:
+        _check_report(report, source, output)
+        writing.check_writable(report)
+
+    with Progress(quiet, verbose) as progress:
+        progress.show(f"reading {source}")
+        opened = open_mesh(source, input_format)
+        destination = writing.Output(opened, output, output_format)
+        progress.show("preparing")
+        with Interrupt() as interrupt:
+            with naming(source), naming(output, OutputError):
+                points, result = smooth_mesh(
+                    opened.mesh, options, destination, progress.sweep, lambda: interrupt.requested
+                )
+            progress.show(f"writing {output}")
+            destination.write(points)
+            if report is not None:
+                csv = report.suffix.lower() == ".csv"
+                text = as_csv(result.after) if csv else as_json(result.record(str(output), str(source)))
+                writing.write_text(report, text + "\n")
+    if not quiet:
+        say(smooth_text(result, str(source), str(output)))
+        relaxing = sum(sweep["seconds"] for sweep in result.sweeps)
+        if result.engine == "numpy" and relaxing > _LONG and not has_numba():
+            say("note: the compiled engine would be several times faster: pip install 'dvr-cli[fast]'")
+        for note in destination.notes:
+            say(f"note: {output}: {note}")
+        if report is not None:
+            say(f"report: {report}")
+    if interrupt.requested:
+        return INTERRUPTED
+    if fail_below is not None and result.after.minimum < fail_below:
+        say(f"dvr: {gate_failure(result.after, fail_below)}")
+        return GATE_FAILED
+    return DONE
+
+
+def _check_report(path: Path, source: Path, output: Path) -> None:
+    """Raise UsageError if the report cannot go to ``path``."""
+    if path.suffix.lower() not in _REPORT_SUFFIXES:
+        known = ", ".join(_REPORT_SUFFIXES)
+        raise UsageError(f"--report {path}: unknown suffix {path.suffix!r}; known: {known}")
+    if os.path.realpath(path) in (os.path.realpath(source), os.path.realpath(output)):
+        raise UsageError(f"--report {path}: would overwrite a mesh")
