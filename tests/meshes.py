@@ -97,6 +97,42 @@ def hexagon(rings: int) -> Mesh:
     return Mesh(points, [Cells("triangle", triangles[(triangles >= 0).all(axis=1)])])
 
 
+def boxes_of(kind: str, n: int) -> Mesh:
+    """The unit square or cube as n^d equal boxes, for simplices each cut into two or six."""
+    points, boxes = grid(n, 2 if kind in ("triangle", "quad") else 3)
+    pieces = {"triangle": ((0, 1, 2), (0, 2, 3)), "tetra": TETRAHEDRA}
+    return Mesh(points, [Cells(kind, _cut(boxes, pieces[kind]) if kind in pieces else boxes)])
+
+
+def tangled(kind: str, n: int, lengths: float, seed: int) -> Mesh:
+    """``boxes_of`` with every inner vertex displaced at random by so many times the length of a box's edge."""
+    mesh = boxes_of(kind, n)
+    inner = ((mesh.points > 1e-9) & (mesh.points < 1 - 1e-9)).all(axis=1)
+    way = np.random.default_rng(seed).standard_normal((inner.sum(), mesh.points.shape[1]))
+    mesh.points[inner] += lengths / n * way / np.linalg.norm(way, axis=1, keepdims=True)
+    return mesh
+
+
+def bump(kind: str, n: int, width: float = 0.12, height: float = 0.5) -> Mesh:
+    """``boxes_of`` with the floor pushed up under a Gaussian bump, inner vertices left where they were."""
+    mesh = boxes_of(kind, n)
+    floor = mesh.points[:, -1] < 1e-9
+    square = ((mesh.points[floor, :-1] - 0.5) ** 2).sum(axis=1)
+    mesh.points[floor, -1] = height * np.exp(-square / (2 * width**2))
+    return mesh
+
+
+def turned_hexagon(rings: int, degrees: float) -> Mesh:
+    """``hexagon`` with its boundary turned about the centre, all else in place (paper 5.3)."""
+    mesh = hexagon(rings)
+    normals = np.pi / 6 + np.pi / 3 * np.arange(3)
+    away = np.abs(mesh.points @ np.array([np.cos(normals), np.sin(normals)])).max(axis=1)
+    boundary = away > np.sqrt(0.75) - 1e-9
+    cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    mesh.points[boundary] = mesh.points[boundary] @ np.array([[cos, sin], [-sin, cos]])
+    return mesh
+
+
 def grid(n: int, dimension: int) -> tuple[np.ndarray, np.ndarray]:
     """The points of n^d equal boxes in the unit square or cube, and the boxes as quads or hexahedra."""
     index = np.arange((n + 1) ** dimension).reshape((n + 1,) * dimension)

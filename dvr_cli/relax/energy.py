@@ -105,7 +105,7 @@ class Energy:
         length = np.sqrt(sum(dot(e, w) for e, w in zip(edges, weighted, strict=True)))
         count = np.bincount(self._corner.ravel())
         size = np.bincount(self._corner.ravel(), np.tile(length, self.dimension + 1)) / count
-        size = np.maximum(size, 1e-6 * size.max())  # all elements around a vertex may be points
+        size = np.maximum(size, 1e-6 * size.max() or 1.0)  # all elements around a vertex may be points
         return size, size[self._corner].mean(axis=0) ** self.dimension
 
 

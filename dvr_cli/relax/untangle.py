@@ -120,7 +120,7 @@ class _Run:
         self._corners, self._freedom = corners, freedom
         self._interrupted, self._on_round = interrupted, on_round
         self._low, self._high = points.min(axis=0), points.max(axis=0)
-        self._diagonal = np.linalg.norm(self._high - self._low)
+        self._diagonal = float(np.linalg.norm(self._high - self._low)) or 1.0
         self._points, self._best = points, points
         self._scaled = self._start = (points - self._low) / self._diagonal
         self._hopeless = hopeless(points, corners, freedom)

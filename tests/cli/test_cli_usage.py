@@ -31,6 +31,9 @@ from dvr_cli.relax.schedule import ORDERS
         (["smooth"], "IN"),
         (["smooth", "IN"], "OUT"),
         (["smooth", "IN", "OUT", "more.msh"], "more.msh"),
+        (["untangle", "IN"], "OUT"),
+        (["untangle", "IN", "OUT", "--seed", "1"], "--seed"),
+        (["untangle", "IN", "OUT", "--time-limit", "-1"], "--time-limit"),
     ],
 )
 def test_wrong_arguments(dvr, tmp_path, arguments, named):
@@ -164,7 +167,9 @@ def test_help(dvr, arguments):
     assert re.search(r"^  smooth ", result.out, flags=re.MULTILINE)
 
 
-@pytest.mark.parametrize("arguments", [["smooth"], ["report"], ["report", "quality"], ["report", "compare"]])
+@pytest.mark.parametrize(
+    "arguments", [["smooth"], ["untangle"], ["report"], ["report", "quality"], ["report", "compare"]]
+)
 def test_help_of_commands(dvr, arguments):
     result = dvr(*arguments, "--help")
     assert (result.code, result.err) == (0, "")
@@ -198,6 +203,7 @@ SMOOTH = {
     "--floor": ["0.9"],
     "--preset": ["paper"],
     "--patches": [],
+    "--untangle": [],
     "--report": ["{folder}/r.csv"],
     "--no-report": [],
     "--input-format": ["gmsh"],
@@ -205,6 +211,17 @@ SMOOTH = {
     "--fail-below": ["-1"],
     "--quiet": [],
     "--verbose": [],
+    "--debug": [],
+}
+UNTANGLE = {
+    "--time-limit": ["5.5"],
+    "--report": ["{folder}/r.csv"],
+    "--no-report": [],
+    "--straighten": [],
+    "--input-format": ["gmsh"],
+    "--output-format": ["vtk"],
+    "--fail-below": ["-1"],
+    "--quiet": [],
     "--debug": [],
 }
 QUALITY = {
@@ -220,8 +237,8 @@ COMPARE = {"--json": [], "--input-format": ["gmsh"], "--debug": []}
 
 @pytest.mark.parametrize(
     ("command", "options"),
-    [("smooth", SMOOTH), ("report quality", QUALITY), ("report compare", COMPARE)],
-    ids=["smooth", "quality", "compare"],
+    [("smooth", SMOOTH), ("untangle", UNTANGLE), ("report quality", QUALITY), ("report compare", COMPARE)],
+    ids=["smooth", "untangle", "quality", "compare"],
 )
 def test_every_option_in_the_help_works(dvr, tmp_path, command, options):
     tags = [np.ones(4, dtype=int)]
@@ -229,6 +246,7 @@ def test_every_option_in_the_help_works(dvr, tmp_path, command, options):
     (tmp_path / "v.txt").write_text("4\n")
     paths = {
         "smooth": [source, tmp_path / "out.msh"],
+        "untangle": [source, tmp_path / "out.msh"],
         "report quality": [source],
         "report compare": [source, source],
     }[command]

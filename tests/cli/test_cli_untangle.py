@@ -1,0 +1,73 @@
+"""``dvr untangle`` and ``dvr smooth --untangle``: what they write, say and exit with."""
+
+from __future__ import annotations
+
+import pytest
+
+from cli_support import points_of, read_json, write
+from meshes import boxes_of, bump
+
+
+def tangled(path):
+    mesh = bump("quad", 10)
+    return write(path, mesh.points, {"quad": mesh.cells[0].vertices})
+
+
+def impossible(path):
+    """A square of triangles whose lower side is pushed through its upper side in one point."""
+    mesh = boxes_of("triangle", 4)
+    mesh.points[(mesh.points == [0.5, 0]).all(axis=1)] = [0.5, 1.05]
+    return write(path, mesh.points, {"triangle": mesh.cells[0].vertices})
+
+
+def test_untangle_makes_a_valid_mesh_and_says_so(dvr, tmp_path):
+    source, output = tangled(tmp_path / "in.msh"), tmp_path / "out.msh"
+    assert dvr("report", "quality", source, "--fail-below", "0").code == 1
+    result = dvr("untangle", source, output, "--fail-below", "0")
+    assert (result.code, result.out) == (0, "")
+    assert "every element that can be is positive" in result.err
+    assert "sweeps at most" not in result.err
+    report = read_json((tmp_path / "out.quality.json").read_text())
+    assert report["before"]["inverted"] > 0 == report["after"]["inverted"]
+    assert report["untangling"]["stopped_because"] == "untangled"
+    assert report["untangling"]["rounds"][-1]["tangled"] == 0
+    assert report["sweeps"] == []
+    assert dvr("report", "quality", output, "--fail-below", "0").code == 0
+
+
+def test_smooth_goes_on_from_there(dvr, tmp_path):
+    source = tangled(tmp_path / "in.msh")
+    dvr("untangle", source, tmp_path / "untangled.msh")
+    assert dvr("smooth", source, tmp_path / "out.msh", "--untangle").code == 0
+    first, second = (
+        read_json((tmp_path / f"{name}.quality.json").read_text()) for name in ("untangled", "out")
+    )
+    assert second["options"]["untangle"] is True
+    assert len(second["sweeps"]) > 0
+    assert second["after"]["q1"] > first["after"]["q1"] > 0
+
+
+def test_a_valid_mesh_comes_back_byte_for_byte(dvr, tmp_path):
+    mesh = boxes_of("quad", 3)
+    source = write(tmp_path / "in.msh", mesh.points, {"quad": mesh.cells[0].vertices})
+    result = dvr("untangle", source, tmp_path / "out.msh")
+    assert result.code == 0
+    assert "nothing to untangle" in result.err
+    assert (tmp_path / "out.msh").read_bytes() == source.read_bytes()
+
+
+@pytest.mark.parametrize("command", [["untangle"], ["smooth", "--untangle"]])
+def test_what_stays_inverted_is_reported_with_place_and_reason(dvr, tmp_path, command):
+    source, output = impossible(tmp_path / "in.msh"), tmp_path / "out.msh"
+    result = dvr(*command, source, output)
+    assert result.code == 0
+    report = read_json((tmp_path / "out.quality.json").read_text())
+    left = report["after"]["inverted"] + report["after"]["degenerate"]
+    assert 0 < report["after"]["inverted"] <= report["before"]["inverted"]
+    assert report["untangling"]["left"]["elements"] == left
+    assert f"{left} inverted or degenerate element" in result.err
+    worst = report["after"]["worst"][0]
+    assert f"triangle {worst['cell']} at" in result.err
+    assert f"{report['untangling']['left']['crossing']} of them near held facets that cross" in result.err
+    assert points_of(output).shape == points_of(source).shape
+    assert dvr(*command, source, output, "--fail-below", "0").code == 1
