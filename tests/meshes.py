@@ -105,7 +105,7 @@ def boxes_of(kind: str, n: int) -> Mesh:
 
 
 def tangled(kind: str, n: int, lengths: float, seed: int) -> Mesh:
-    """``boxes_of`` with every inner vertex displaced at random by so many times the length of a box's edge."""
+    """``boxes_of`` with every inner vertex displaced at random by so many lengths of a box's edge."""
     mesh = boxes_of(kind, n)
     inner = ((mesh.points > 1e-9) & (mesh.points < 1 - 1e-9)).all(axis=1)
     way = np.random.default_rng(seed).standard_normal((inner.sum(), mesh.points.shape[1]))

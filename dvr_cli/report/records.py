@@ -77,9 +77,9 @@ class QualityReport:
 class SmoothReport:
     """The report of ``dvr smooth``: qualities before and after, each sweep, and how it was run.
 
-    phases: if asked for "untangle", then "relax" and, if asked for, "patches" and "polish": for each what it guarantees, how many sweeps it
-        took, why it stopped; for polishing the floor, below which no quality fell that was not below it
-        before; for untangling its rounds (free vertices, elements inverted or degenerate after each, seconds)
+    phases: "relax", if asked for with "untangle" before it, "patches" and "polish" after it: for each what it
+        guarantees, how many sweeps it took, why it stopped; for polishing the floor, below which no quality
+        fell that was not below it before; for untangling its rounds (free vertices, elements inverted or degenerate after each, seconds)
         and what is left of these in the result (elements), with a corner whose vertices are all held
         (hopeless) or else near held facets that cross each other (crossing).
     sweeps: for each its number from 1 (sweep), its phase, Q1 after it (q1), vertices moved, seconds taken,

@@ -33,7 +33,7 @@ def untangled(mesh):
     return points, report
 
 
-# ------------------------------------------------------------------------------------------------- energy
+# ----------------------------------------------------------------------------------------------------- energy
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -60,7 +60,7 @@ def test_without_regularisation_the_energy_is_the_sum_of_the_inverse_qualities(k
     assert value == pytest.approx((1 / corner_qualities(domain.points, domain.corners)[touched]).sum())
 
 
-# ------------------------------------------------------------------------------------ meshes that can be valid
+# ----------------------------------------------------------------------------------- meshes that can be valid
 
 
 @pytest.mark.parametrize("directions", ["axis", "circumferential"])
@@ -131,7 +131,7 @@ def test_any_unit_of_length_will_do(scale, shift):
     assert report.after.inverted == 0
 
 
-# ---------------------------------------------------------------------------------- what is left as it was
+# ------------------------------------------------------------------------------------- what is left as it was
 
 
 def test_a_valid_mesh_is_left_alone():
@@ -170,14 +170,14 @@ def test_vertices_keep_to_their_lines_and_planes():
     assert result.points[held].tobytes() == points[held].tobytes()
 
 
-# ------------------------------------------------------------------------------- boundaries that forbid validity
+# ---------------------------------------------------------------------------- boundaries that forbid validity
 
 
 def test_a_boundary_that_crosses_itself():
     mesh = boxes_of("triangle", 6)
     pushed = np.flatnonzero((mesh.points[:, 1] == 0) & (np.abs(mesh.points[:, 0] - 0.5) < 1e-9))
     mesh.points[pushed] = [0.5, 1.05]
-    points, report = untangled(mesh)
+    _, report = untangled(mesh)
     left = report.untangling["left"]
     assert report.untangling["stopped_because"] == "stuck"
     assert left["elements"] == left["crossing"] == report.after.inverted > 0
@@ -216,7 +216,7 @@ def test_scrambled_meshes_never_get_more_inverted_elements(seed):
     untangled(mesh)
 
 
-# ----------------------------------------------------------------------------------------- ending and repeating
+# --------------------------------------------------------------------------------------- ending and repeating
 
 
 @pytest.mark.parametrize("after", [0, 1, 40, 200])
