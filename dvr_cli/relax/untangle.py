@@ -23,7 +23,7 @@ from dvr_cli.relax.lbfgs import minimise
 _EVALUATIONS = 400  # of the energy in a round
 _PROGRESS = 1e-4  # part of the energy gained in ten steps below which a round ends
 _ROUNDS = 20
-_PATIENCE = 4  # rounds in a row that do not help after which to give up
+_PATIENCE = 8  # rounds without fewer inverted elements than ever before after which to give up
 _SHRINK = 0.2  # ε in terms of the worst corner; halved with each round in a row that does not help
 _LEAST_EPSILON = 1e-6
 _RINGS = 2  # of vertices around inverted elements that are free in the first round
@@ -71,9 +71,9 @@ def untangle(
     if not run.tangled.any():
         return Untangling(points, [], "nothing-to-untangle")
     moved = np.zeros(len(points), dtype=bool)
-    rings, idle = _RINGS, 0
+    rings, idle, fewest, best = _RINGS, 0, run.tangled.sum(), 0
     while run.tangled.any():
-        if idle == _PATIENCE or len(run.rounds) == _ROUNDS or run.ended:
+        if run.ended or len(run.rounds) in (best + _PATIENCE, _ROUNDS):
             return run.result("stuck")
         region = widened(corners, vertices_of(run.tangled, corners, len(points)), rings)
         moved |= region
@@ -82,6 +82,8 @@ def untangle(
         after = run.tangled.sum()
         rings *= 2 if after > before / 2 else 1
         idle = 0 if after < before else idle + 1
+        if after < fewest:
+            fewest, best = after, len(run.rounds)
     core, rings = moved[corners.vertices].any(axis=1), _RINGS
     excess, before = run.excess(core), np.inf
     while not run.ended and excess > _EVEN and excess < _PAYS * before:

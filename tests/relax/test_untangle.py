@@ -79,6 +79,17 @@ def test_hexagon_with_turned_boundary(rings, degrees, directions):
     assert min(qualities) == pytest.approx(report.after.minimum)
 
 
+@pytest.mark.parametrize(("rings", "mild"), [(8, True), (12, True), (20, False)])
+def test_relaxation_alone_repairs_the_hexagon_only_while_the_tangling_is_mild(rings, mild):
+    """As in the paper, along the axes; with 20 rings 18 degrees are too much for any vertex to be first."""
+    mesh = turned_hexagon(rings, 18)
+    _, report = dvr_cli.smooth(
+        mesh.points, cells_of(mesh), directions="axis", target=0.951, tol=0, max_iterations=150
+    )
+    assert (report.after.inverted == 0) == mild
+    assert (report.after.q1 > 0.95) == mild
+
+
 @pytest.mark.parametrize("lengths", [1, 2])
 @pytest.mark.parametrize(("kind", "n"), [("triangle", 8), ("quad", 8), ("tetra", 4), ("hexahedron", 5)])
 def test_random_tangles(kind, n, lengths):
