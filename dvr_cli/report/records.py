@@ -79,9 +79,9 @@ class SmoothReport:
 
     phases: "relax", if asked for with "untangle" before it, "patches" and "polish" after it: for each what it
         guarantees, how many sweeps it took, why it stopped; for polishing the floor, below which no quality
-        fell that was not below it before; for untangling its rounds (free vertices, elements inverted or degenerate after each, seconds)
-        and what is left of these in the result (elements), with a corner whose vertices are all held
-        (hopeless) or else near held facets that cross each other (crossing).
+        fell that was not below it before; for untangling its rounds (free vertices, elements inverted or
+        degenerate after each, seconds) and what is left of these in the result (elements), with a corner
+        whose vertices are all held (hopeless) or else near held facets that cross each other (crossing).
     sweeps: for each its number from 1 (sweep), its phase, Q1 after it (q1), vertices moved, seconds taken,
         and when polishing the mean quality of the corners with a relaxed vertex (mean, else null).
     stopped_because: "converged", "max-iterations", "target", "time-limit", "interrupted",

@@ -29,8 +29,9 @@ def test_untangle_makes_a_valid_mesh_and_says_so(dvr, tmp_path):
     assert "sweeps at most" not in result.err
     report = read_json((tmp_path / "out.quality.json").read_text())
     assert report["before"]["inverted"] > 0 == report["after"]["inverted"]
-    assert report["untangling"]["stopped_because"] == "untangled"
-    assert report["untangling"]["rounds"][-1]["tangled"] == 0
+    phase = report["phases"][0]
+    assert (phase["phase"], phase["stopped_because"]) == ("untangle", "untangled")
+    assert phase["rounds"][-1]["tangled"] == 0
     assert report["sweeps"] == []
     assert dvr("report", "quality", output, "--fail-below", "0").code == 0
 
@@ -64,10 +65,11 @@ def test_what_stays_inverted_is_reported_with_place_and_reason(dvr, tmp_path, co
     report = read_json((tmp_path / "out.quality.json").read_text())
     left = report["after"]["inverted"] + report["after"]["degenerate"]
     assert 0 < report["after"]["inverted"] <= report["before"]["inverted"]
-    assert report["untangling"]["left"]["elements"] == left
+    reasons = report["phases"][0]["left"]
+    assert reasons["elements"] == left
     assert f"{left} inverted or degenerate element" in result.err
     worst = report["after"]["worst"][0]
     assert f"triangle {worst['cell']} at" in result.err
-    assert f"{report['untangling']['left']['crossing']} of them near held facets that cross" in result.err
+    assert f"{reasons['crossing']} of them near held facets that cross" in result.err
     assert points_of(output).shape == points_of(source).shape
     assert dvr(*command, source, output, "--fail-below", "0").code == 1

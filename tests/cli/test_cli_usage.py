@@ -214,6 +214,8 @@ SMOOTH = {
     "--debug": [],
 }
 UNTANGLE = {
+    "--boundary": ["slide"],
+    "--fix": ["1"],
     "--time-limit": ["5.5"],
     "--report": ["{folder}/r.csv"],
     "--no-report": [],

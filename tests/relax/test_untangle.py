@@ -162,6 +162,16 @@ def test_vertices_far_from_inverted_elements_stay():
     assert points[far].tobytes() == mesh.points[far].tobytes()
 
 
+@pytest.mark.parametrize("kind", ["quad", "tetra"])
+def test_boundary_vertices_take_part_where_they_may_slide(kind):
+    mesh = tangled(kind, 4, 2, 0)
+    points, report = dvr_cli.untangle(mesh.points, cells_of(mesh), boundary="slide")
+    assert report.before.inverted > 0 == report.after.inverted == report.after.degenerate
+    assert (points != mesh.points)[~domain_of(mesh).interior].any()
+    for side in (0, 1):
+        assert ((points == side) == (mesh.points == side)).all()
+
+
 def test_vertices_keep_to_their_lines_and_planes():
     """The top and right sides of a square may slide; the input has a side vertex beyond its neighbour."""
     mesh = boxes_of("quad", 4)
