@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cli_support import points_of, read_json, write
+from cli_support import assert_one_line, points_of, read_json, write
 from meshes import boxes_of, bump
 
 
@@ -73,3 +73,10 @@ def test_what_stays_inverted_is_reported_with_place_and_reason(dvr, tmp_path, co
     assert f"{reasons['crossing']} of them near held facets that cross" in result.err
     assert points_of(output).shape == points_of(source).shape
     assert dvr(*command, source, output, "--fail-below", "0").code == 1
+
+
+def test_surfaces_in_space_are_refused(dvr, tmp_path):
+    points = [[0, 0, 0], [1, 0, 0], [1, 1, 0.5], [0, 1, 0], [0.5, 0.5, 1]]
+    source = write(tmp_path / "in.msh", points, {"triangle": [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]})
+    assert_one_line(dvr("untangle", source, tmp_path / "out.msh"), 3, "in.msh", "surface")
+    assert not (tmp_path / "out.msh").exists()
