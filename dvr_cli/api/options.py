@@ -12,7 +12,7 @@ import numpy as np
 
 from dvr_cli.errors import UsageError
 from dvr_cli.files.arrays import read_directions, read_vertices, whole_numbers
-from dvr_cli.relax.choice import checked_threads, chosen_engine
+from dvr_cli.relax.choice import checked_threads, chosen_engine, has_numba
 from dvr_cli.relax.directions import Entry, check_name
 from dvr_cli.relax.schedule import ORDERS
 from dvr_cli.relax.selection import Selection
@@ -47,13 +47,15 @@ class SmoothOptions:
         or the path of a .npy, .csv or .txt file with them.
     straighten: take curved second-order cells as straight. stopping: when to stop.
     untangle: make inverted elements positive first.
-    patches: after the sweeps move the surroundings of the worst elements jointly, worst first.
-    polish: afterwards raise the mean quality, keeping all qualities above floor times the Q1 reached.
+    patches: after the sweeps move the surroundings of the worst elements jointly, worst first; by default if
+        numba is installed, as it takes long without.
+    polish: afterwards raise the mean quality, keeping all qualities above floor times the Q1 reached; by
+        default, unless the quality vector would fall below that of the input.
     preset: "paper" for the paper's Algorithm 1: random directions, natural order, max_iterations sweeps.
     engine: "auto", "numpy" or "numba"; threads: by default all cores. Neither changes the result.
     """
 
-    directions: Directions = "random"
+    directions: Directions = "steepest,random"
     center: Sequence[float] | None = None
     axis: Sequence[float] | None = None
     order: str = "coloured"
@@ -68,8 +70,8 @@ class SmoothOptions:
     vertices: Vertices | None = None
     straighten: bool = False
     untangle: bool = False
-    patches: bool = False
-    polish: bool = False
+    patches: bool | None = None
+    polish: bool | None = None
     floor: float = 0.999
     preset: str | None = None
     engine: str = "auto"
@@ -106,11 +108,17 @@ class SmoothOptions:
         for key, value in PRESETS[name].items():
             owner: SmoothOptions | Stopping = self.stopping if key == "tol" else self
             given = getattr(owner, key)
-            if not isinstance(given, str | int | float) or given not in (getattr(type(owner), key), value):
+            default = getattr(type(owner), key)
+            if isinstance(given, np.ndarray) or given not in (default, value):
                 raise UsageError(f"preset {name}: leave out {key}, which it sets to {value}")
             if owner is self:
                 object.__setattr__(self, key, value)
         object.__setattr__(self, "stopping", replace(self.stopping, tol=PRESETS[name]["tol"]))
+
+    @property
+    def takes_patches(self) -> bool:
+        """Whether patches are to be relaxed."""
+        return has_numba() if self.patches is None else self.patches
 
     @cached_property
     def entries(self) -> list[Entry]:
@@ -158,8 +166,8 @@ class SmoothOptions:
             "vertices": _described(self.vertices),
             "straighten": bool(self.straighten),
             "untangle": bool(self.untangle),
-            "patches": bool(self.patches),
-            "polish": bool(self.polish),
+            "patches": self.takes_patches,
+            "polish": self.polish is not False,
             "floor": float(self.floor),
             "preset": self.preset,
             "max_iterations": int(self.stopping.max_iterations),

@@ -6,28 +6,26 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from dvr_cli.api.boundary import moves_of, projected
+from dvr_cli.api.boundary import moves_of
 from dvr_cli.api.options import BOUNDARIES, SmoothOptions
+from dvr_cli.api.phases import Run
 from dvr_cli.api.untangling import untangle_phase, weaker
 from dvr_cli.errors import InputError, OutputError
-from dvr_cli.mesh.domain import domain_of
+from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.quality.vector import at_least
 from dvr_cli.relax.choice import checked_threads, chosen_engine, make_engine
-from dvr_cli.relax.directions import direction_field, restricted
-from dvr_cli.relax.patches import relax_patches
+from dvr_cli.relax.directions import direction_field
 from dvr_cli.relax.problem import build_problem
-from dvr_cli.relax.projection import Projection
-from dvr_cli.relax.sweeps import PHASES, Relaxation, Sweep, polish, relax
-from dvr_cli.relax.untangle import untangle
-from dvr_cli.report.limits import limit_of
+from dvr_cli.relax.sweeps import Sweep
+from dvr_cli.report.limits import Limit, limit_of
 from dvr_cli.report.quality import Quality, measure
 from dvr_cli.report.records import SmoothReport, summarise
 
-_FINAL = ("interrupted", "time-limit", "nothing-to-relax", "deviation")  # no phase follows
 _DONE = ("converged", "nothing-to-relax")  # the reasons for which relaxing on would gain nothing
 
 
@@ -55,110 +53,96 @@ def smooth_mesh(
 
     Raises OutputError if rounding in the storage would make the mesh worse than it was.
     """
-    engine_name = chosen_engine(
-        options.engine, len(mesh.points), options.stopping.max_iterations, options.patches
-    )
+    vertices, sweeps = len(mesh.points), options.stopping.max_iterations
+    engine_name = chosen_engine(options.engine, vertices, sweeps, options.takes_patches)
     compiled = engine_name == "numba"
     domain = domain_of(mesh, options.straighten, compiled)
     if options.untangle and domain.is_surface:
         raise InputError("a surface in space cannot be untangled; planar and volume meshes can")
     chosen = options.selection.masks(mesh, domain)
     selected = np.logical_and.reduce([mesh.unlinked, *chosen.values()])
-    moves = partial(moves_of, mesh, feature_angle=options.feature_angle)
-    movement = moves(domain, options.boundary, selected)
-    relaxed = movement.relaxed
+    moves = moves_of(mesh, domain, options.boundary, selected, options.feature_angle)
+    relaxed = moves.relaxed
     field = direction_field(
         options.entries, domain, mesh.point_data, options.seed, options.center, options.axis
     )
-    directions = restricted(field, movement.freedom)
     before = measure(domain, mesh.points, relaxed)
     begin = time.perf_counter()
-    sliding = movement.freedom.relaxed
-    parts = options.order, options.seed, compiled, movement.freedom
-    problem = build_problem(domain.corners, sliding, domain.points, *parts)
+    parts = options.order, options.seed, compiled, moves.freedom
+    problem = build_problem(domain.corners, moves.freedom.relaxed, domain.points, *parts)
     engine = make_engine(engine_name, problem, checked_threads(options.threads))
-    start, stopping, reference, untangling = domain.points, options.stopping, before, None
+    run, reference = Run(domain, moves, engine, options, on_sweep, interrupted), before
     if options.untangle:
-
-        def ended() -> bool:
-            return interrupted() or options.stopping.less(time.perf_counter() - begin).time_limit == 0
-
-        untangling = untangle(start, domain.corners, movement.freedom, ended)
-        start = untangling.points
-        stopping = stopping.less(time.perf_counter() - begin)
-        reference = weaker(measure(domain, domain.lift(mesh.points, start), relaxed), before)
-
-    def run(projection: Projection | None) -> Relaxation:
-        return relax(engine, start, directions, stopping, on_sweep, interrupted, projection)
-
-    inverted, boundary = None, None
-    if movement.curved is None:
-        outcome = run(None)
-    else:
-        outcome, inverted, boundary = projected(run, domain, movement.curved, field, options)
-    phases = [_phase("relax", outcome)]
-    flat, sweeps, stopped_because = outcome.points, outcome.sweeps, outcome.stopped_because
-    if options.patches and len(sliding) and stopped_because in ("converged", "max-iterations"):
-        left = options.stopping.less(time.perf_counter() - begin)
-        patched = relax_patches(engine, left, len(sweeps), on_sweep, interrupted)
-        phases.append(_phase("patches", patched))
-        flat, sweeps = patched.points, sweeps + patched.sweeps
-        stopped_because = patched.stopped_because
-    if options.polish and len(sliding) and stopped_because not in _FINAL:
-        floor = max(options.floor * engine.q1(), reference.q1 or 0.0)
-        left = options.stopping.less(time.perf_counter() - begin)
-        polished = polish(engine, floor, left, len(sweeps), on_sweep, interrupted)
-        phases.append({**_phase("polish", polished), "floor": floor})
-        flat, sweeps = polished.points, sweeps + polished.sweeps
-        if polished.stopped_because in ("interrupted", "time-limit"):
-            stopped_because = polished.stopped_because
+        run.untangle()
+        reference = weaker(measure(domain, domain.lift(mesh.points, run.points), relaxed), before)
+    run.relax(field)
+    if options.takes_patches:
+        run.relax_patches()
+    unpolished = run.points
+    if options.polish is not False:
+        run.polish(reference.q1 or 0.0)
     seconds = time.perf_counter() - begin
-    points = domain.lift(mesh.points, flat)
-    if domain.is_tilted and _worse(measure(domain, points, relaxed), reference):
-        points, stopped_because = mesh.points.copy(), "rounding"
-    measured = partial(measure, domain, relaxed=relaxed, inverted=inverted)
-    points, after = _kept(measured, points, reference, storage)
-    if untangling is not None:
-        phases.insert(0, untangle_phase(untangling, domain, movement.freedom, points))
+
+    def kept(flat: np.ndarray) -> tuple[np.ndarray, Quality]:
+        """The points as they will be kept, and their quality."""
+        points = domain.lift(mesh.points, flat)
+        if domain.is_tilted and _worse(measure(domain, points, relaxed), reference):
+            points, run.stopped_because = mesh.points.copy(), "rounding"
+        return _kept(
+            partial(measure, domain, relaxed=relaxed, inverted=run.inverted), points, reference, storage
+        )
+
+    points, after = kept(run.points)
+    if options.polish is None and run.points is not unpolished and not at_least(after.vector, before.vector):
+        run.undo_polish(unpolished)
+        points, after = kept(run.points)
+    if run.untangling is not None:
+        run.phases.insert(0, untangle_phase(run.untangling, domain, moves.freedom, points))
     limited_by = None
-    if stopped_because in _DONE or _capped(after):
-        movable = moves(domain, options.boundary, mesh.unlinked).relaxed if chosen else relaxed
-        deselected = {
-            name: np.isin(np.arange(len(mesh.points)), movable) & ~mask for name, mask in chosen.items()
-        }
-        others = () if domain.is_surface else BOUNDARIES[BOUNDARIES.index(options.boundary) + 1 :]
-
-        def freed(name: str, vertices: np.ndarray) -> np.ndarray:
-            return np.isin(vertices, moves(domain.around(vertices), name, selected).relaxed)
-
-        frees = {f"--boundary {name}": partial(freed, name) for name in others}
-        limited_by = limit_of(domain, points, relaxed, after, deselected, frees)
+    if run.stopped_because in _DONE or _capped(after):
+        limited_by = _limit(mesh, domain, options, chosen, relaxed, points, after)
     report = SmoothReport(
         mesh=summarise(mesh, domain),
         relaxed=len(relaxed),
         before=before,
         after=after,
-        phases=phases,
-        sweeps=[asdict(sweep) for sweep in sweeps],
-        stopped_because=stopped_because,
+        phases=run.phases,
+        sweeps=[asdict(sweep) for sweep in run.sweeps],
+        stopped_because=run.stopped_because,
         limited_by=limited_by,
         seconds=seconds,
         engine=engine.name,
         threads=engine.threads,
         options=options.record(),
-        boundary=boundary,
+        boundary=run.boundary,
     )
     return points, report
 
 
-def _phase(name: str, outcome: Relaxation) -> dict[str, Any]:
-    """A phase as the report gives it."""
-    return {
-        "phase": name,
-        "guarantee": PHASES[name],
-        "sweeps": len(outcome.sweeps),
-        "stopped_because": outcome.stopped_because,
-    }
+def _limit(
+    mesh: Mesh,
+    domain: Domain,
+    options: SmoothOptions,
+    chosen: dict[str, np.ndarray],
+    relaxed: np.ndarray,
+    points: np.ndarray,
+    after: Quality,
+) -> Limit:
+    """What holds Q1; chosen: the vertices each option of selection leaves (N,)."""
+    selected = np.logical_and.reduce([mesh.unlinked, *chosen.values()])
+    movable = relaxed
+    if chosen:
+        movable = moves_of(mesh, domain, options.boundary, mesh.unlinked, options.feature_angle).relaxed
+    everywhere = np.isin(np.arange(len(mesh.points)), movable)
+    deselected = {name: everywhere & ~mask for name, mask in chosen.items()}
+    others = () if domain.is_surface else BOUNDARIES[BOUNDARIES.index(options.boundary) + 1 :]
+
+    def freed(name: str, vertices: np.ndarray) -> np.ndarray:
+        moves = moves_of(mesh, domain.around(vertices), name, selected, options.feature_angle)
+        return np.isin(vertices, moves.relaxed)
+
+    frees = {f"--boundary {name}": partial(freed, name) for name in others}
+    return limit_of(domain, points, relaxed, after, deselected, frees)
 
 
 def _kept(

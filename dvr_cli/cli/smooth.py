@@ -40,7 +40,7 @@ def smooth(
             "optimal (steepest until none helps), file:PATH (.npy, .csv or .txt), field:NAME (a vector point "
             "field of IN).",
         ),
-    ] = "random",
+    ] = "steepest,random",
     center: Annotated[
         Vector | None,
         typer.Option(
@@ -148,17 +148,23 @@ def smooth(
         bool, typer.Option("--untangle", help="Make inverted elements positive first, as dvr untangle does.")
     ] = False,
     patches: Annotated[
-        bool,
+        bool | None,
         typer.Option(
             "--patches/--no-patches",
             help="After the sweeps move the surroundings of the worst elements jointly, worst first, as long "
-            "as Q1 grows.",
+            "as Q1 grows; default: if numba is installed, as it takes long without.",
+            show_default=False,
         ),
-    ] = False,
+    ] = None,
     polish: Annotated[
-        bool,
-        typer.Option("--polish", help="Afterwards raise the mean quality while Q1 stays above the floor."),
-    ] = False,
+        bool | None,
+        typer.Option(
+            "--polish/--no-polish",
+            help="Afterwards raise the mean quality while Q1 stays above the floor; default: yes, unless the "
+            "quality vector would fall below that of IN.",
+            show_default=False,
+        ),
+    ] = None,
     floor: Annotated[
         float,
         typer.Option(

@@ -15,6 +15,7 @@ ENGINES = ("auto", "numpy", "numba")
 # (benchmarks/engines.py); runs converge in some twenty sweeps.
 _REPAYS = 100_000
 _USUAL_SWEEPS = 20
+_PATCHES = 1_000  # sweeps of NumPy that patches cost as much as
 
 
 def has_numba() -> bool:
@@ -25,8 +26,8 @@ def has_numba() -> bool:
 def chosen_engine(name: str, vertices: int, max_iterations: int, patches: bool = False) -> str:
     """The engine called ``name``, "auto" being the faster of "numpy" and "numba" for the work ahead.
 
-    vertices: how many the mesh has. patches: whether patches are to be relaxed as well, some fifty times
-    faster with numba whatever the size. Raises UsageError for an engine that is unknown or not installed.
+    vertices: how many the mesh has. patches: whether patches are to be relaxed as well. Raises UsageError for
+    an engine that is unknown or not installed.
     """
     if name not in ENGINES:
         raise UsageError(f"engine: unknown {name!r}; known: {', '.join(ENGINES)}")
@@ -34,8 +35,8 @@ def chosen_engine(name: str, vertices: int, max_iterations: int, patches: bool =
         raise UsageError("engine numba: numba is not installed (pip install 'dvr-cli[fast]')")
     if name != "auto":
         return name
-    work = vertices * min(max_iterations, _USUAL_SWEEPS)
-    return "numba" if (patches or work > _REPAYS) and has_numba() else "numpy"
+    work = vertices * (min(max_iterations, _USUAL_SWEEPS) + (_PATCHES if patches else 0))
+    return "numba" if work > _REPAYS and has_numba() else "numpy"
 
 
 def checked_threads(threads: int | None) -> int:

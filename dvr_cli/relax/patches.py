@@ -141,9 +141,9 @@ def relax_patches(
 ) -> Relaxation:
     """Relax patches from where the engine is, the worst first, until the worst corner gains no more.
 
-    A round of patches counts as a sweep. stopping: its target and time_limit hold. done: how many sweeps
-    came before. on_sweep: called after each round. interrupted: asked before each patch; when true the mesh
-    reached is the result. Every intermediate mesh is valid and no worse.
+    A round of patches counts as a sweep. stopping: its target, max_iterations and time_limit hold. done: how
+    many sweeps came before. on_sweep: called after each round. interrupted: asked before each patch; when
+    true the mesh reached is the result. Every intermediate mesh is valid and no worse.
     """
     problem, begin = engine.problem, time.perf_counter()
     if not len(problem.relaxed):
@@ -163,6 +163,9 @@ def relax_patches(
     with ThreadPoolExecutor(engine.threads) as pool:
         each = pool.map if engine.threads > 1 else map
         while (reason := cut_short(begin, stopping, interrupted) or state.done(stopping.target)) is None:
+            if len(rounds) == stopping.max_iterations:
+                reason = "max-iterations"
+                break
             start = time.perf_counter()
             patches = neighbourhoods.choose(state.worst(), state.layers)
             state.enter(patches)

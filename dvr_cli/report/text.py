@@ -180,12 +180,11 @@ def _limit(limit: Limit | None) -> list[str]:
 
 
 def _polished(report: SmoothReport) -> list[str]:
-    return [
-        f"polished in {_count(phase['sweeps'], 'sweep')}: the mean raised, Q1 kept above "
-        f"{_number(phase['floor'])}"
-        for phase in report.phases
-        if phase["phase"] == "polish"
-    ]
+    phase = report.phases[-1]
+    if phase["phase"] != "polish" or not phase["sweeps"]:
+        return []
+    sweeps, floor = _count(phase["sweeps"], "sweep"), _number(phase["floor"])
+    return [f"polished in {sweeps}: the mean raised, Q1 kept above {floor}"]
 
 
 def _kind(mesh: MeshSummary) -> str:

@@ -1,0 +1,125 @@
+"""The phases of a run, one after the other: untangle, relax, patches, polish (see ``sweeps.PHASES``)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from dvr_cli.api.boundary import Moves, projected
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.mesh.domain import Domain
+from dvr_cli.relax.directions import DirectionField, restricted
+from dvr_cli.relax.engine import Engine
+from dvr_cli.relax.patches import relax_patches
+from dvr_cli.relax.projection import Projection
+from dvr_cli.relax.stopping import Stopping
+from dvr_cli.relax.sweeps import PHASES, Relaxation, Sweep, polish, relax
+from dvr_cli.relax.untangle import Untangling, untangle
+from dvr_cli.report.records import BoundaryChange
+
+_FINAL = ("interrupted", "time-limit", "nothing-to-relax", "deviation")  # no phase follows
+
+
+class Run:
+    """A run: where its phases have brought the vertices, and what each of them did.
+
+    points: (N, d) coordinates reached. phases: as in SmoothReport. sweeps: of all phases.
+    untangling: what untangling did. inverted: the corners of a surface that are turned over.
+    boundary: what became of a projected boundary. All three are None without that.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        moves: Moves,
+        engine: Engine,
+        options: SmoothOptions,
+        on_sweep: Callable[[Sweep], None] | None,
+        interrupted: Callable[[], bool],
+    ) -> None:
+        """Begin at the points of the domain; on_sweep, interrupted: see ``sweeps.relax``."""
+        self._domain, self._moves, self._engine, self._options = domain, moves, engine, options
+        self._on_sweep, self._interrupted = on_sweep, interrupted
+        self._begin = time.perf_counter()
+        self.points = domain.points
+        self.stopped_because = ""
+        self.phases: list[dict[str, Any]] = []
+        self.sweeps: list[Sweep] = []
+        self.untangling: Untangling | None = None
+        self.inverted: np.ndarray | None = None
+        self.boundary: BoundaryChange | None = None
+
+    @property
+    def seconds(self) -> float:
+        """Since the run began."""
+        return time.perf_counter() - self._begin
+
+    def untangle(self) -> None:
+        """Make inverted elements positive."""
+        corners, freedom = self._domain.corners, self._moves.freedom
+        self.untangling = untangle(self.points, corners, freedom, self._time_is_up)
+        self.points = self.untangling.points
+
+    def relax(self, field: DirectionField) -> None:
+        """Sweep along the directions of ``field``, as far as the vertices are free to follow."""
+        start, stopping, directions = self.points, self._left(), restricted(field, self._moves.freedom)
+
+        def sweep(projection: Projection | None) -> Relaxation:
+            hooks = self._on_sweep, self._interrupted
+            return relax(self._engine, start, directions, stopping, *hooks, projection)
+
+        if self._moves.curved is None:
+            outcome = sweep(None)
+        else:
+            outcome, self.inverted, self.boundary = projected(
+                sweep, self._domain, self._moves.curved, field, self._options
+            )
+        self._enter("relax", outcome)
+
+    def relax_patches(self) -> None:
+        """Move the surroundings of the worst elements jointly."""
+        if self.stopped_because in ("converged", "max-iterations") and self._engine.batches:
+            hooks = self._on_sweep, self._interrupted
+            self._enter("patches", relax_patches(self._engine, self._left(), len(self.sweeps), *hooks))
+
+    def polish(self, least: float) -> None:
+        """Raise the mean quality; no quality falls below ``least`` or the options' floor."""
+        if self.stopped_because in _FINAL or not self._engine.batches:
+            return
+        floor = max(self._options.floor * self._engine.q1(), least)
+        hooks = self._on_sweep, self._interrupted
+        outcome = polish(self._engine, floor, self._left(), len(self.sweeps), *hooks)
+        reason = outcome.stopped_because
+        if reason not in ("interrupted", "time-limit"):
+            reason = self.stopped_because
+        self._enter("polish", outcome, floor=floor)
+        self.stopped_because = reason
+
+    def undo_polish(self, points: np.ndarray) -> None:
+        """Go back to the coordinates ``points`` (N, d), which polishing began with."""
+        self.points = points
+        self.sweeps = [sweep for sweep in self.sweeps if sweep.phase != "polish"]
+        self.phases[-1].update(sweeps=0, stopped_because="undone")
+
+    def _enter(self, name: str, outcome: Relaxation, **more: float) -> None:
+        """Take over what a phase did."""
+        self.points, self.stopped_because = outcome.points, outcome.stopped_because
+        self.sweeps += outcome.sweeps
+        self.phases.append(
+            {
+                "phase": name,
+                "guarantee": PHASES[name],
+                "sweeps": len(outcome.sweeps),
+                "stopped_because": outcome.stopped_because,
+                **more,
+            }
+        )
+
+    def _left(self) -> Stopping:
+        return self._options.stopping.less(self.seconds)
+
+    def _time_is_up(self) -> bool:
+        return self._interrupted() or self._left().time_limit == 0
