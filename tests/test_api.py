@@ -12,6 +12,7 @@ import oracle
 from dvr_cli.errors import DvrError, InputError, UsageError
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.quality.vector import at_least
+from dvr_cli.relax.choice import has_numba
 from meshes import KINDS, delaunay, random_mesh
 
 
@@ -161,13 +162,14 @@ def test_the_same_call_gives_the_same_bytes(order):
 
 def test_options_reach_the_relaxation():
     mesh = as_meshio(random_mesh("triangle", 1, n=6))
-    _, report = dvr_cli.smooth(mesh, max_iterations=2, tol=0)
+    given = {"directions": "random"}
+    _, report = dvr_cli.smooth(mesh, **given, max_iterations=2, tol=0)
     assert (report.stopped_because, len(report.sweeps)) == ("max-iterations", 2)
-    _, report = dvr_cli.smooth(mesh, tol=1, patience=4)
+    _, report = dvr_cli.smooth(mesh, **given, tol=1, patience=4)
     assert (report.stopped_because, len(report.sweeps)) == ("converged", 4)
-    _, report = dvr_cli.smooth(mesh, target=-1)
+    _, report = dvr_cli.smooth(mesh, **given, target=-1)
     assert (report.stopped_because, len(report.sweeps)) == ("target", 0)
-    _, report = dvr_cli.smooth(mesh, time_limit=0)
+    _, report = dvr_cli.smooth(mesh, **given, time_limit=0)
     assert (report.stopped_because, len(report.sweeps)) == ("time-limit", 0)
     improved, _ = dvr_cli.smooth(mesh, directions="y")
     assert improved.points[:, 0].tobytes() == mesh.points[:, 0].tobytes()
@@ -306,3 +308,62 @@ def test_meshes_of_different_connectivity_cannot_be_compared():
 def test_unknown_names_are_missing_as_in_any_module():
     with pytest.raises(AttributeError, match="no attribute 'untangled'"):
         _ = dvr_cli.untangled
+
+
+# ------------------------------------------------------------------------------------------- the default
+
+
+def phases(report):
+    return [phase["phase"] for phase in report.phases]
+
+
+def test_all_phases_are_run_unless_directions_are_prescribed():
+    mesh = as_meshio(random_mesh("tetra", 1, n=4))
+    compiled = ["patches"] if has_numba() else []
+    _, report = dvr_cli.smooth(mesh)
+    assert phases(report) == ["relax", *compiled, "polish"]
+    assert report.options["directions"] == "steepest,random"
+    assert phases(dvr_cli.smooth(mesh, polish=False, patches=False)[1]) == ["relax"]
+    assert phases(dvr_cli.smooth(mesh, directions="x")[1]) == ["relax"]
+    assert phases(dvr_cli.smooth(mesh, directions="x", patches=True, polish=True)[1]) == [
+        "relax",
+        "patches",
+        "polish",
+    ]
+    assert phases(dvr_cli.smooth(mesh, preset="paper")[1]) == ["relax"]
+
+
+def test_without_numba_patches_wait_to_be_asked_for(monkeypatch):
+    monkeypatch.setattr("dvr_cli.api.options.has_numba", lambda: False)
+    mesh = as_meshio(random_mesh("triangle", 1))
+    assert phases(dvr_cli.smooth(mesh)[1]) == ["relax", "polish"]
+    assert phases(dvr_cli.smooth(mesh, patches=True)[1]) == ["relax", "patches", "polish"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_default_raises_q1_and_the_mean(kind):
+    mesh = as_meshio(random_mesh(kind, 2, n=4))
+    _, report = dvr_cli.smooth(mesh)
+    assert report.after.q1 > report.before.q1
+    assert report.after.mean > report.before.mean
+    assert at_least(report.after.vector, report.before.vector)
+
+
+def test_polishing_that_would_lower_the_quality_vector_is_undone():
+    """Beside a flat fan that is as good as it gets, the rest of the mesh would pay for a better mean."""
+    mesh = random_mesh("triangle", 3, n=6)
+    triangles = mesh.cells[0].vertices
+    best, _ = dvr_cli.smooth(mesh.points, {"triangle": triangles}, directions="random", patches=True)
+    fan = np.array([[5, 0], [25, 0], [25, 1], [5, 1], [15, 0.5]])
+    around = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]) + len(best)
+    points, cells = np.concatenate([best, fan]), {"triangle": np.concatenate([triangles, around])}
+    _, report = dvr_cli.smooth(points, cells)
+    assert report.after.q1 == report.before.q1
+    assert report.phases[-1]["phase"] == "polish"
+    assert report.phases[-1]["stopped_because"] == "undone"
+    assert not [sweep for sweep in report.sweeps if sweep["phase"] == "polish"]
+    assert at_least(report.after.vector, report.before.vector)
+    _, forced = dvr_cli.smooth(points, cells, polish=True)
+    assert not at_least(forced.after.vector, forced.before.vector)
+    assert forced.after.q1 >= forced.before.q1
+    assert forced.after.mean > report.after.mean

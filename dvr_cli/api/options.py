@@ -25,6 +25,8 @@ PRESETS: dict[str, dict[str, Any]] = {
     "paper": {"directions": "random", "order": "natural", "patches": False, "polish": False, "tol": 0.0},
 }
 
+_DIRECTIONS = "steepest,random"
+
 Directions = str | np.ndarray | Sequence[str | np.ndarray]
 Names = str | Sequence[str]
 Vertices = str | Path | np.ndarray | Sequence[int]
@@ -47,15 +49,15 @@ class SmoothOptions:
         or the path of a .npy, .csv or .txt file with them.
     straighten: take curved second-order cells as straight. stopping: when to stop.
     untangle: make inverted elements positive first.
-    patches: after the sweeps move the surroundings of the worst elements jointly, worst first; by default if
-        numba is installed, as it takes long without.
+    patches: after the sweeps move the surroundings of the worst elements jointly, worst first; by default
+        with the default directions if numba is installed, as it takes long without.
     polish: afterwards raise the mean quality, keeping all qualities above floor times the Q1 reached; by
-        default, unless the quality vector would fall below that of the input.
+        default with the default directions, unless the quality vector would fall below that of the input.
     preset: "paper" for the paper's Algorithm 1: random directions, natural order, max_iterations sweeps.
     engine: "auto", "numpy" or "numba"; threads: by default all cores. Neither changes the result.
     """
 
-    directions: Directions = "steepest,random"
+    directions: Directions = _DIRECTIONS
     center: Sequence[float] | None = None
     axis: Sequence[float] | None = None
     order: str = "coloured"
@@ -118,7 +120,17 @@ class SmoothOptions:
     @property
     def takes_patches(self) -> bool:
         """Whether patches are to be relaxed."""
-        return has_numba() if self.patches is None else self.patches
+        return self._is_free and has_numba() if self.patches is None else self.patches
+
+    @property
+    def takes_polish(self) -> bool:
+        """Whether to polish."""
+        return self._is_free if self.polish is None else self.polish
+
+    @property
+    def _is_free(self) -> bool:
+        """Whether nobody prescribed along what vertices move."""
+        return isinstance(self.directions, str) and self.directions == _DIRECTIONS
 
     @cached_property
     def entries(self) -> list[Entry]:
@@ -167,7 +179,7 @@ class SmoothOptions:
             "straighten": bool(self.straighten),
             "untangle": bool(self.untangle),
             "patches": self.takes_patches,
-            "polish": self.polish is not False,
+            "polish": self.takes_polish,
             "floor": float(self.floor),
             "preset": self.preset,
             "max_iterations": int(self.stopping.max_iterations),

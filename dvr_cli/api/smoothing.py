@@ -79,7 +79,7 @@ def smooth_mesh(
     if options.takes_patches:
         run.relax_patches()
     unpolished = run.points
-    if options.polish is not False:
+    if options.takes_polish:
         run.polish(reference.q1 or 0.0)
     seconds = time.perf_counter() - begin
 

@@ -152,7 +152,7 @@ def smooth(
         typer.Option(
             "--patches/--no-patches",
             help="After the sweeps move the surroundings of the worst elements jointly, worst first, as long "
-            "as Q1 grows; default: if numba is installed, as it takes long without.",
+            "as Q1 grows; default: with the default directions if numba is installed, as it is slow without.",
             show_default=False,
         ),
     ] = None,
@@ -160,8 +160,8 @@ def smooth(
         bool | None,
         typer.Option(
             "--polish/--no-polish",
-            help="Afterwards raise the mean quality while Q1 stays above the floor; default: yes, unless the "
-            "quality vector would fall below that of IN.",
+            help="Afterwards raise the mean quality while Q1 stays above the floor; default: with the "
+            "default directions, unless the quality vector would fall below that of IN.",
             show_default=False,
         ),
     ] = None,

@@ -115,6 +115,12 @@ def solve_patch(
     size = _size(points, corners)
     for squarings in SQUARINGS[d - 2]:
         _minimise(points, moving, corners, kinds, slot, norm, dimension, axis, squarings, size, bad, power)
+    moved = np.empty(len(start))
+    _take(points, moving, moved)
+    moved -= start
+    _restrict(moved, moving, dimension, axis)
+    _restrict(moved, moving, dimension, axis)
+    _put(points, moving, start + moved)
     after = _badnesses(points, corners, kinds, norm, bad)
     if improves(before, after, d):
         return before, after
@@ -256,7 +262,7 @@ def _dot(a: np.ndarray, b: np.ndarray, d: int) -> float:
 
 @compiled
 def _restrict(g: np.ndarray, moving: np.ndarray, dimension: np.ndarray, axis: np.ndarray) -> None:
-    """See ``PatchEnergy._within_freedom``."""
+    """See ``PatchEnergy.within_freedom``."""
     d = axis.shape[1]
     for i in range(len(moving)):
         vertex = moving[i]

@@ -54,6 +54,9 @@ def solve_patch(
         return before, before
     for squarings in SQUARINGS[d - 2]:
         _minimise(energy, squarings)
+    # the rounding of many steps has added up: back into the lines and planes, with that of one
+    moved = energy.within_freedom(energy.within_freedom(points[moving] - start))
+    points[moving] = start + moved
     after = energy.badness().max()
     if improves(before, after, d):
         return before, after
@@ -144,9 +147,9 @@ class PatchEnergy:
             part = np.stack([to_s * along[j][i] - to_v * normals[j][i] for j in range(d)], axis=1)
             both = np.stack([part, -part], axis=2).ravel()  # on the edge's end, and on the corner's vertex
             g[:, i] = np.bincount(slots, both, n + 1)[:n]
-        return self._within_freedom(g)
+        return self.within_freedom(g)
 
-    def _within_freedom(self, g: np.ndarray) -> np.ndarray:
+    def within_freedom(self, g: np.ndarray) -> np.ndarray:
         """The part of each row of ``g`` that lies in its vertex's line or plane."""
         along = dot(list(g.T), list(self._axis.T))[:, None] * self._axis
         inside = np.where(self._dimension == 1, along, g - along)
