@@ -290,6 +290,9 @@ def test_compare_says_which_mesh_is_better():
     assert dvr_cli.compare(after, before).better == "before"
     assert dvr_cli.compare(after, after).better == "equal"
     assert dvr_cli.compare(after, after).component is None
+    assert dvr_cli.compare(before, after, before, after).ranks == [3, 1, 3, 1]
+    with pytest.raises(UsageError, match="two or more"):
+        dvr_cli.compare(before)
 
 
 def test_meshes_of_different_connectivity_cannot_be_compared():

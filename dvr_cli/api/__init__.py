@@ -155,12 +155,14 @@ def quality_report(
     return mesh_quality(as_mesh(mesh, cells), worst)
 
 
-def compare(before: meshio.Mesh, after: meshio.Mesh) -> Comparison:
-    """Which of two meshes of one connectivity is better in the paper's ordering of quality vectors (eq. 2).
+def compare(before: meshio.Mesh, *after: meshio.Mesh) -> Comparison:
+    """How meshes of one connectivity rank in the paper's ordering of quality vectors (eq. 2).
 
-    Raises InputError when their cells differ.
+    Raises UsageError for one mesh alone, InputError when their cells differ.
     """
-    return compare_meshes(from_meshio(before), from_meshio(after))
+    if not after:
+        raise UsageError("compare: two or more meshes are needed")
+    return compare_meshes([from_meshio(mesh) for mesh in (before, *after)])
 
 
 def mesh_quality(mesh: Mesh, worst: int = 10) -> QualityReport:
@@ -170,16 +172,21 @@ def mesh_quality(mesh: Mesh, worst: int = 10) -> QualityReport:
     return QualityReport(summarise(mesh, domain), len(relaxed), measure(domain, mesh.points, relaxed, worst))
 
 
-def compare_meshes(before: Mesh, after: Mesh) -> Comparison:
-    """The comparison of two meshes of one connectivity; InputError when their cells differ."""
-    return compare_qualities(mesh_quality(before), mesh_quality(after), same_connectivity(before, after))
+def compare_meshes(meshes: Sequence[Mesh]) -> Comparison:
+    """The comparison of two or more meshes of one connectivity; InputError when their cells differ."""
+    return compare_qualities([mesh_quality(mesh) for mesh in meshes], same_connectivity(meshes))
 
 
-def same_connectivity(before: Mesh, after: Mesh) -> bool:
-    """Whether two meshes have equally many points and the same cells in the same order."""
-    return (len(before.points), len(before.cells)) == (len(after.points), len(after.cells)) and all(
-        x.type == y.type and np.array_equal(x.vertices, y.vertices)
-        for x, y in zip(before.cells, after.cells, strict=True)
+def same_connectivity(meshes: Sequence[Mesh]) -> bool:
+    """Whether meshes have equally many points and the same cells in the same order."""
+    first = meshes[0]
+    return all(
+        (len(first.points), len(first.cells)) == (len(other.points), len(other.cells))
+        and all(
+            x.type == y.type and np.array_equal(x.vertices, y.vertices)
+            for x, y in zip(first.cells, other.cells, strict=True)
+        )
+        for other in meshes[1:]
     )
 
 

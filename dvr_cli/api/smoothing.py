@@ -20,10 +20,11 @@ from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.vector import at_least
 from dvr_cli.relax.choice import checked_threads, chosen_engine, make_engine
 from dvr_cli.relax.directions import direction_field
+from dvr_cli.relax.engine import Engine
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.sweeps import Sweep
 from dvr_cli.report.limits import Limit, limit_of
-from dvr_cli.report.quality import Quality, measure
+from dvr_cli.report.quality import Quality, mean_quality, measure
 from dvr_cli.report.records import SmoothReport, summarise
 
 _DONE = ("converged", "nothing-to-relax")  # the reasons for which relaxing on would gain nothing
@@ -45,11 +46,13 @@ def smooth_mesh(
     storage: Storage | None = None,
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
+    means: bool = False,
 ) -> tuple[np.ndarray, SmoothReport]:
     """Untangle, if asked for, and relax a Mesh; returns its new points (N, 2|3) and the report.
 
     storage: where the result goes; the points returned and the report's final qualities are those kept there.
     on_sweep, interrupted: see ``sweeps.relax``.
+    means: whether the report's sweeps have the mean quality of the elements, too.
 
     Raises OutputError if rounding in the storage would make the mesh worse than it was.
     """
@@ -71,6 +74,9 @@ def smooth_mesh(
     parts = options.order, options.seed, compiled, moves.freedom
     problem = build_problem(domain.corners, moves.freedom.relaxed, domain.points, *parts)
     engine = make_engine(engine_name, problem, checked_threads(options.threads))
+    mean: dict[int, float] = {}
+    if means:
+        on_sweep = _taking_means(mean, engine, domain, on_sweep)
     run, reference = Run(domain, moves, engine, options, on_sweep, interrupted), before
     if options.untangle:
         run.untangle()
@@ -116,7 +122,22 @@ def smooth_mesh(
         options=options.record(),
         boundary=run.boundary,
     )
+    for sweep in report.sweeps if means else []:
+        sweep["elements_mean"] = mean[sweep["sweep"]]
     return points, report
+
+
+def _taking_means(
+    mean: dict[int, float], engine: Engine, domain: Domain, on_sweep: Callable[[Sweep], None] | None
+) -> Callable[[Sweep], None]:
+    """Before what is called after each sweep, take down the mean quality of the elements by its number."""
+
+    def after_sweep(sweep: Sweep) -> None:
+        mean[sweep.sweep] = mean_quality(domain, engine.points)
+        if on_sweep is not None:
+            on_sweep(sweep)
+
+    return after_sweep
 
 
 def _limit(

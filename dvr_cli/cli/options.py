@@ -83,8 +83,25 @@ Report = Annotated[
     Path | None,
     typer.Option(
         metavar="PATH",
-        help="Where to write the report: .json, or .csv for the quality vector alone (vertices numbered "
-        "from 0); default: OUT with its suffix replaced by .quality.json, none if OUT is -.",
+        help="Where to write the report: .json, .html with pictures (needs dvr-cli[plot]), or .csv for the "
+        "quality vector alone (vertices numbered from 0); default: OUT with its suffix replaced by "
+        ".quality.json, none if OUT is -.",
+    ),
+]
+Plot = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Draw the meshes and their qualities: .svg, .png, .pdf, or .html, a page with the report "
+        "(needs dvr-cli[plot]).",
+    ),
+]
+QualityField = Annotated[
+    bool,
+    typer.Option(
+        "--quality-field",
+        help="Write the quality of each cell as the cell field 'quality' (NaN for cells of lower dimension), "
+        "where IN and OUT differ in format or are .vtu.",
     ),
 ]
 NoReport = Annotated[bool, typer.Option("--no-report", help="Write no report.")]

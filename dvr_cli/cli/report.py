@@ -1,15 +1,17 @@
-"""``dvr report``: the quality of one mesh, and which of two is better."""
+"""``dvr report``: the quality of one mesh, and which of several is best."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from dvr_cli.cli.codes import DONE, GATE_FAILED
-from dvr_cli.cli.options import Debug, FailBelow, InputFormat, Json, naming
-from dvr_cli.cli.streams import bar, emit, say
+from dvr_cli.cli.files import PICTURES, check, write_picture
+from dvr_cli.cli.options import Debug, FailBelow, InputFormat, Json, Plot, naming
+from dvr_cli.cli.streams import bar, columns, emit, say
 from dvr_cli.errors import UsageError
 
 
@@ -24,28 +26,41 @@ def quality(
             "quality around it, ascending. Vertices are numbered from 0.",
         ),
     ] = False,
+    plot: Plot = None,
     worst: Annotated[int, typer.Option(min=0, metavar="N", help="List the N worst elements.")] = 10,
     fail_below: FailBelow = None,
     input_format: InputFormat = None,
     debug: Debug = False,
 ) -> int:
-    """Print the quality of a mesh: Q1, quantiles, angles, a histogram, the worst elements."""
+    """Print the quality of a mesh: Q1, quantiles, angles, a histogram, the worst elements.
+
+    On a terminal it is laid out for reading; elsewhere each figure is a line of label, value and remark,
+    separated by tabs.
+    """
     from dvr_cli.api import mesh_quality
     from dvr_cli.files.reading import open_mesh
     from dvr_cli.report.export import as_csv, as_json
+    from dvr_cli.report.table import quality_table
     from dvr_cli.report.text import gate_failure, quality_text
 
     if json and csv:
         raise UsageError("--json and --csv exclude each other")
+    if plot is not None:
+        check("--plot", plot, PICTURES, [path])
     mesh = open_mesh(path, input_format).mesh
     with naming(path):
         report = mesh_quality(mesh, worst)
+    if plot is not None:
+        text = quality_text(report, str(path), "█")
+        write_picture(plot, mesh, {path.name: (mesh.points, report.quality)}, str(path), text)
     if json:
         emit(as_json(report.record(str(path))))
     elif csv:
         emit(as_csv(report.quality))
+    elif width := columns(sys.stdout):
+        emit(quality_text(report, str(path), bar(), width))
     else:
-        emit(quality_text(report, str(path), bar()))
+        emit(quality_table(report, str(path)))
     if fail_below is not None and report.quality.minimum < fail_below:
         say(f"dvr: {path}: {gate_failure(report.quality, fail_below)}")
         return GATE_FAILED
@@ -54,29 +69,52 @@ def quality(
 
 def compare(
     before: Annotated[Path, typer.Argument(metavar="BEFORE", help="The first mesh.")],
-    after: Annotated[Path, typer.Argument(metavar="AFTER", help="Another mesh of the same cells.")],
+    after: Annotated[list[Path], typer.Argument(metavar="AFTER...", help="More meshes of the same cells.")],
     json: Json = False,
+    plot: Plot = None,
     input_format: InputFormat = None,
     debug: Debug = False,
 ) -> int:
-    """Say which of two meshes is better, by their quality vectors; exit with code 1 if AFTER is worse.
+    """Rank meshes by their quality vectors; exit with code 1 if the last is worse than the first.
 
     The vectors (for each relaxed vertex the worst quality around it, ascending) are compared at the first
-    component in which they differ.
+    component in which they differ. Elsewhere than on a terminal each mesh is a line of its rank and figures,
+    separated by tabs, in the order given.
     """
     from dvr_cli.api import mesh_quality, same_connectivity
     from dvr_cli.files.reading import open_mesh
     from dvr_cli.report.compare import compare_qualities
     from dvr_cli.report.export import as_json
+    from dvr_cli.report.table import comparison_table
     from dvr_cli.report.text import comparison_text
 
-    old, new = open_mesh(before, input_format).mesh, open_mesh(after, input_format).mesh
-    with naming(before):
-        old_quality = mesh_quality(old)
-    with naming(after):
-        new_quality = mesh_quality(new)
-    with naming(f"{before}, {after}"):
-        comparison = compare_qualities(old_quality, new_quality, same_connectivity(old, new))
-    names = str(before), str(after)
-    emit(as_json(comparison.record(*names)) if json else comparison_text(comparison, *names))
+    paths = [before, *after]
+    if plot is not None:
+        check("--plot", plot, PICTURES, paths)
+    meshes = [open_mesh(path, input_format).mesh for path in paths]
+    reports = []
+    for path, mesh in zip(paths, meshes, strict=True):
+        with naming(path):
+            reports.append(mesh_quality(mesh))
+    names = [str(path) for path in paths]
+    with naming(", ".join(names)):
+        comparison = compare_qualities(reports, same_connectivity(meshes))
+    if plot is not None:
+        states = {
+            name: (mesh.points, report.quality)
+            for name, mesh, report in zip(_short(paths), meshes, reports, strict=True)
+        }
+        write_picture(plot, meshes[0], states, "Comparison", comparison_text(comparison, names))
+    if json:
+        emit(as_json(comparison.record(names)))
+    elif width := columns(sys.stdout):
+        emit(comparison_text(comparison, names, width))
+    else:
+        emit(comparison_table(comparison, names))
     return GATE_FAILED if comparison.better == "before" else DONE
+
+
+def _short(paths: list[Path]) -> list[str]:
+    """Short names that tell the files apart, with a number where several have the same."""
+    names = [name if len(name) <= 24 else f"{name[:10]}...{name[-11:]}" for name in (p.name for p in paths)]
+    return [name if names.count(name) == 1 else f"{name} ({i})" for i, name in enumerate(names, start=1)]

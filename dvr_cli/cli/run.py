@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvr_cli.cli.codes import DONE, GATE_FAILED, INTERRUPTED
+from dvr_cli.cli.files import PICTURES, check, write_picture
 from dvr_cli.cli.interrupt import Interrupt
 from dvr_cli.cli.options import naming
 from dvr_cli.cli.progress import Progress
-from dvr_cli.cli.streams import say
+from dvr_cli.cli.streams import columns, say
 from dvr_cli.errors import OutputError, UsageError
 
 if TYPE_CHECKING:
     from dvr_cli.api import SmoothOptions
 
 _LONG = 5.0  # seconds of relaxing after which the compiled engine is worth a word
-_REPORT_SUFFIXES = (".json", ".csv")
+_REPORTS = (".json", ".csv", ".html")
 
 
 def run(
@@ -27,6 +28,8 @@ def run(
     *,
     report: Path | None,
     no_report: bool,
+    plot: Path | None,
+    quality_field: bool,
     input_format: str | None,
     output_format: str | None,
     fail_below: float | None,
@@ -39,6 +42,7 @@ def run(
     from dvr_cli.files.reading import open_mesh
     from dvr_cli.relax.choice import has_numba
     from dvr_cli.report.export import as_csv, as_json
+    from dvr_cli.report.quality import cell_field
     from dvr_cli.report.text import gate_failure, smooth_text
 
     if quiet and verbose:
@@ -50,27 +54,37 @@ def run(
     if report is None and not no_report and not writing.is_stream(output):
         report = output.with_suffix(".quality.json")
     if report is not None:
-        _check_report(report, source, output)
-        writing.check_writable(report)
+        check("--report", report, _REPORTS, [source, output])
+    if plot is not None:
+        check("--plot", plot, PICTURES, [source, output, report])
+    page = report is not None and report.suffix.lower() == ".html"
+    drawn = page or plot is not None
 
     with Progress(quiet, verbose) as progress:
         progress.show(f"reading {source}")
         opened = open_mesh(source, input_format)
-        destination = writing.Output(opened, output, output_format)
+        destination = writing.Output(opened, output, output_format, "quality" if quality_field else None)
         progress.show("preparing")
         with Interrupt() as interrupt:
             with naming(source), naming(output, OutputError):
                 points, result = smooth_mesh(
-                    opened.mesh, options, destination, progress.sweep, lambda: interrupt.requested
+                    opened.mesh, options, destination, progress.sweep, lambda: interrupt.requested, drawn
                 )
             progress.show(f"writing {output}")
+            if quality_field:
+                destination.fill(cell_field(opened.mesh, result.after), points)
             destination.write(points)
-            if report is not None:
+            if report is not None and not page:
                 csv = report.suffix.lower() == ".csv"
                 text = as_csv(result.after) if csv else as_json(result.record(str(output), str(source)))
                 writing.write_text(report, text + "\n")
+            for picture in filter(None, [plot, report if page else None]):
+                progress.show(f"drawing {picture}")
+                summary = smooth_text(result, str(source), str(output))
+                states = {"before": (opened.mesh.points, result.before), "after": (points, result.after)}
+                write_picture(picture, opened.mesh, states, str(output), summary, result.sweeps)
     if not quiet:
-        say(smooth_text(result, str(source), str(output)))
+        say(smooth_text(result, str(source), str(output), columns(sys.stderr)))
         relaxing = sum(sweep["seconds"] for sweep in result.sweeps)
         if result.engine == "numpy" and relaxing > _LONG and not has_numba():
             say("note: the compiled engine would be several times faster: pip install 'dvr-cli[fast]'")
@@ -78,18 +92,11 @@ def run(
             say(f"note: {output}: {note}")
         if report is not None:
             say(f"report: {report}")
+        if plot is not None:
+            say(f"picture: {plot}")
     if interrupt.requested:
         return INTERRUPTED
     if fail_below is not None and result.after.minimum < fail_below:
         say(f"dvr: {gate_failure(result.after, fail_below)}")
         return GATE_FAILED
     return DONE
-
-
-def _check_report(path: Path, source: Path, output: Path) -> None:
-    """Raise UsageError if the report cannot go to ``path``."""
-    if path.suffix.lower() not in _REPORT_SUFFIXES:
-        known = ", ".join(_REPORT_SUFFIXES)
-        raise UsageError(f"--report {path}: unknown suffix {path.suffix!r}; known: {known}")
-    if os.path.realpath(path) in (os.path.realpath(source), os.path.realpath(output)):
-        raise UsageError(f"--report {path}: would overwrite a mesh")

@@ -14,6 +14,8 @@ from dvr_cli.cli.options import (
     InputFormat,
     NoReport,
     OutputFormat,
+    Plot,
+    QualityField,
     Quiet,
     Report,
     Straighten,
@@ -142,6 +144,8 @@ def smooth(
         int | None, typer.Option(min=1, metavar="N", help="Threads of the numba engine; default: all cores.")
     ] = None,
     report: Report = None,
+    plot: Plot = None,
+    quality_field: QualityField = False,
     no_report: NoReport = False,
     straighten: Straighten = False,
     untangle: Annotated[
@@ -222,6 +226,8 @@ def smooth(
         options,
         report=report,
         no_report=no_report,
+        plot=plot,
+        quality_field=quality_field,
         input_format=input_format,
         output_format=output_format,
         fail_below=fail_below,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from typing import TextIO
 
@@ -48,7 +49,11 @@ def error_line(message: str) -> str:
     return "dvr: " + "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
 
 
+def columns(stream: TextIO | None) -> int | None:
+    """How many columns the terminal has that a stream is connected to; None if it is none."""
+    return shutil.get_terminal_size().columns if stream is not None and stream.isatty() else None
+
+
 def bar() -> str:
-    """What histograms on stdout are drawn with: a block on a terminal that has it, else ASCII."""
-    utf8 = (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"
-    return "█" if utf8 and sys.stdout.isatty() else "#"
+    """What histograms on stdout are drawn with: a block where its encoding has it, else ASCII."""
+    return "█" if (sys.stdout.encoding or "").lower().replace("-", "") == "utf8" else "#"

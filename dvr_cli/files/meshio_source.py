@@ -11,12 +11,13 @@ import io
 import re
 import tempfile
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from dvr_cli.errors import DvrError, InputError, OutputError
+from dvr_cli.errors import DvrError, InputError, OutputError, UsageError
 from dvr_cli.files.source import Source
 from dvr_cli.mesh.convert import from_meshio, to_meshio
 from dvr_cli.mesh.mesh import Mesh
@@ -55,6 +56,14 @@ class MeshioSource(Source):
         back = self._written(points)[1]
         self.notes = [*self.unread, *_lost(self.mesh, back, points)]
         return back.points[: len(points), : points.shape[1]]
+
+    def with_cell_field(self, name: str, values: list[np.ndarray], points: np.ndarray) -> MeshioSource:
+        mesh = replace(self.mesh, cell_data={**self.mesh.cell_data, name: values})
+        result = MeshioSource(mesh, self.format, self.unread)
+        result.file_name = self.file_name
+        if name not in result._written(points)[1].cell_data:
+            raise UsageError(f"{self.format} cannot hold the cell field {name!r}; write .vtu instead")
+        return result
 
     def _written(self, points: np.ndarray) -> tuple[bytes, Mesh]:
         """The bytes meshio writes, and the mesh it reads back from them; the last are kept.

@@ -12,6 +12,7 @@ from typing import BinaryIO
 
 import numpy as np
 
+from dvr_cli.errors import UsageError
 from dvr_cli.mesh.mesh import Mesh
 
 
@@ -51,3 +52,13 @@ class Source(ABC):
     def widened(self) -> Source | None:
         """The same file with its coordinates in float64, None where they are already or cannot be."""
         return None
+
+    def with_cell_field(self, name: str, values: list[np.ndarray], points: np.ndarray) -> Source:
+        """The same file with a cell field more, one array a block; points: what is to be written with it.
+
+        Raises UsageError for a format that has no place for it.
+        """
+        raise UsageError(
+            f"{self.format} to {self.format} changes coordinates only, so there is no place for the cell "
+            f"field {name!r}; write .vtu instead"
+        )

@@ -26,11 +26,15 @@ _DEVICES = (Path("/dev"), Path("/dev/fd"))  # where streams have names, whatever
 class Output:
     """Where and how the smoothed mesh is written."""
 
-    def __init__(self, source: Source, path: Path, format_name: str | None = None) -> None:
+    def __init__(
+        self, source: Source, path: Path, format_name: str | None = None, field: str | None = None
+    ) -> None:
         """path: the file to write, or "-" for stdout; format_name: by default the suffix tells.
+        field: the name of a cell field that the output is to have beyond those of the input, see ``fill``.
 
         A pipe, a device and stdout get the format of the input unless one is named.
-        Raises UsageError for an unknown format, OutputError for one that cannot be had.
+        Raises UsageError for an unknown format or one that cannot hold the field, OutputError for one that
+        cannot be had.
         """
         name = output_format_of(path, format_name) or source.format
         if name == "tetgen" != source.format:
@@ -39,6 +43,9 @@ class Output:
         self._writer = source if name == source.format else MeshioSource(source.mesh, name, source.unread)
         if isinstance(self._writer, MeshioSource) and path != STANDARD:
             self._writer.file_name = path.name
+        self._field = field
+        if field is not None:
+            self.fill([np.zeros(len(block.vertices)) for block in source.mesh.cells], source.mesh.points)
         if self._writer is not source:
             self.stored(source.mesh.points)  # a format that cannot hold the mesh is found out now
 
@@ -46,6 +53,13 @@ class Output:
     def notes(self) -> list[str]:
         """What the output cannot keep of the input, known once ``stored`` or ``write`` was called."""
         return self._writer.notes
+
+    def fill(self, values: list[np.ndarray], points: np.ndarray) -> None:
+        """Set the field: its value in each cell, one array a block. points: what is to be written with it."""
+        try:
+            self._writer = self._writer.with_cell_field(self._field or "", values, points)
+        except (UsageError, OutputError) as error:
+            raise type(error)(f"{self._path}: {error}") from error
 
     def stored(self, points: np.ndarray) -> np.ndarray:
         """``points`` as a reader of the output will get them."""
@@ -127,8 +141,13 @@ def check_writable(path: Path) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file atomically, in UTF-8; raises OutputError."""
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file atomically; raises OutputError."""
     with _replacing(path) as file:
-        file.write(text.encode())
+        file.write(data)
 
 
 @contextlib.contextmanager

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
+
+import numpy as np
 
 from dvr_cli import __version__
 from dvr_cli.errors import InputError
@@ -13,38 +17,69 @@ from dvr_cli.report.records import QualityReport
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two meshes of one connectivity compared.
+    """Two or more meshes of one connectivity compared.
 
-    component: 1-based number of the first component in which the quality vectors differ, None if equal.
+    reports: those of the meshes, in the order in which they were given.
     """
 
-    before: QualityReport
-    after: QualityReport
-    component: int | None
+    reports: Sequence[QualityReport]
+
+    @property
+    def before(self) -> QualityReport:
+        """The report of the first mesh."""
+        return self.reports[0]
+
+    @property
+    def after(self) -> QualityReport:
+        """The report of the last mesh."""
+        return self.reports[-1]
+
+    @property
+    def component(self) -> int | None:
+        """1-based number of the first component in which the first and last mesh differ, None if equal."""
+        where = first_difference(self.before.quality.vector, self.after.quality.vector)
+        return None if where is None else where + 1
 
     @property
     def better(self) -> str:
-        """Which mesh is better in the ordering: "before", "after" or "equal"."""
-        if self.component is None:
-            return "equal"
-        i = self.component - 1
-        return "after" if self.after.quality.vector[i] > self.before.quality.vector[i] else "before"
+        """Which of the first and the last mesh is better in the ordering: "before", "after" or "equal"."""
+        order = _order(self.before.quality.vector, self.after.quality.vector)
+        return ("equal", "after", "before")[order]
 
-    def record(self, before_path: str | None = None, after_path: str | None = None) -> dict[str, Any]:
-        """The comparison as JSON-ready data, schema dvr.compare/1."""
+    @cached_property
+    def ranks(self) -> list[int]:
+        """The place of each mesh in the ordering, from 1 for the best; equal ones share theirs."""
+        vectors = [report.quality.vector for report in self.reports]
+        return [1 + sum(_order(vector, other) > 0 for other in vectors) for vector in vectors]
+
+    @property
+    def best_first(self) -> list[int]:
+        """The numbers of the meshes, from 0, the best first; equal ones in the order given."""
+        return sorted(range(len(self.reports)), key=self.ranks.__getitem__)
+
+    def record(self, paths: Sequence[str | None] | None = None) -> dict[str, Any]:
+        """The comparison as JSON-ready data, schema dvr.compare/1.
+
+        paths: where the meshes are. "better" and "first_difference" compare the first with the last.
+        """
+        named = zip(self.reports, self.ranks, paths or [None] * len(self.reports), strict=True)
         return {
             "schema": "dvr.compare/1",
             "dvr_version": __version__,
             "better": self.better,
             "first_difference": self.component,
-            "before": self.before.record(before_path),
-            "after": self.after.record(after_path),
+            "meshes": [{"rank": rank, **report.record(path)} for report, rank, path in named],
         }
 
 
-def compare_qualities(before: QualityReport, after: QualityReport, same_connectivity: bool) -> Comparison:
-    """Compare two reports; InputError when the meshes have different cells or relaxed vertices."""
-    if not same_connectivity or before.relaxed != after.relaxed:
+def compare_qualities(reports: Sequence[QualityReport], same_connectivity: bool) -> Comparison:
+    """Compare two or more reports; InputError when the meshes have different cells or relaxed vertices."""
+    if not same_connectivity or len({report.relaxed for report in reports}) > 1:
         raise InputError("the meshes have different cells; only meshes of one connectivity can be compared")
-    where = first_difference(before.quality.vector, after.quality.vector)
-    return Comparison(before, after, None if where is None else where + 1)
+    return Comparison(reports)
+
+
+def _order(a: np.ndarray, b: np.ndarray) -> int:
+    """1 if b is better than a in the paper's ordering, -1 if a is, 0 if they are equal."""
+    where = first_difference(a, b)
+    return 0 if where is None else 1 if b[where] > a[where] else -1

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dvr_cli.mesh.domain import Domain
+from dvr_cli.mesh.domain import Domain, domain_of
+from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.angles import extreme_angles
 from dvr_cli.quality.mean_ratio import DEGENERATE, cell_normals, corner_qualities, turned_over
 from dvr_cli.quality.vector import ring_minima
@@ -69,9 +70,7 @@ def measure(
     """
     flat = domain.flatten(points)
     corners = domain.corners
-    if domain.is_surface and inverted is None:
-        inverted = turned_over(flat, corners, cell_normals(flat, corners))
-    by_corner = corner_qualities(flat, corners, domain.compiled, inverted)
+    by_corner = _by_corner(domain, flat, inverted)
     elements = np.minimum.reduceat(by_corner, corners.first[:-1])
     moves = np.zeros(len(points), dtype=bool)
     moves[relaxed] = True
@@ -97,6 +96,28 @@ def measure(
         vertices=relaxed[order],
         elements=elements,
     )
+
+
+def mean_quality(domain: Domain, flat: np.ndarray) -> float:
+    """The mean quality of the elements of a domain with coordinates ``flat`` (N, d)."""
+    by_corner = _by_corner(domain, flat, None)
+    return float(np.minimum.reduceat(by_corner, domain.corners.first[:-1]).mean())
+
+
+def _by_corner(domain: Domain, flat: np.ndarray, inverted: np.ndarray | None) -> np.ndarray:
+    """(C,) the quality of each corner, see ``measure``."""
+    corners = domain.corners
+    if domain.is_surface and inverted is None:
+        inverted = turned_over(flat, corners, cell_normals(flat, corners))
+    return corner_qualities(flat, corners, domain.compiled, inverted)
+
+
+def cell_field(mesh: Mesh, quality: Quality) -> list[np.ndarray]:
+    """The quality of each cell, one array a block of the mesh; NaN for cells of lower dimension."""
+    first = np.cumsum([0, *(len(block.vertices) for block in mesh.cells)])
+    field = np.full(first[-1], np.nan)
+    field[domain_of(mesh, straighten=True).cell_ids] = quality.elements
+    return np.split(field, first[1:-1])
 
 
 def _quantiles(elements: np.ndarray) -> dict[float, float]:

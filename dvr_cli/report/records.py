@@ -83,7 +83,8 @@ class SmoothReport:
         degenerate after each, seconds) and what is left of these in the result (elements), with a corner
         whose vertices are all held (hopeless) or else near held facets that cross each other (crossing).
     sweeps: for each its number from 1 (sweep), its phase, Q1 after it (q1), vertices moved, seconds taken,
-        and when polishing the mean quality of the corners with a relaxed vertex (mean, else null).
+        when polishing the mean quality of the corners with a relaxed vertex (mean, else null), and if a
+        picture was asked for the mean quality of all elements (elements_mean).
     stopped_because: "converged", "max-iterations", "target", "time-limit", "interrupted",
         "nothing-to-relax", or "rounding" when rounding would undo the gain, "deviation" when the boundary
         came too far from the input; then the mesh was left as it was.

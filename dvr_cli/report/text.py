@@ -1,48 +1,55 @@
-"""Reports as text: at most 80 columns (paths aside), ASCII but for the bars a caller may ask for."""
+"""Reports for people: in as many columns as a terminal has, ASCII but for the bars a caller may ask for."""
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
+
+from dvr_cli.report.advice import advice
+from dvr_cli.report.figures import Figure, bins, counts, figures, place, remarks
 
 if TYPE_CHECKING:
     from dvr_cli.report.compare import Comparison
     from dvr_cli.report.limits import Limit
-    from dvr_cli.report.quality import Element, Quality
+    from dvr_cli.report.quality import Quality
     from dvr_cli.report.records import BoundaryChange, MeshSummary, QualityReport, SmoothReport
 
+WIDTH = 80  # columns where nobody says how many there are
 _LABEL = 19  # columns of a row's label
 _VALUE = 9  # columns of a value
 _BAR = 50  # columns of the longest bar of a histogram
+_RANKED = ("Q1", "fixed cap", "mean", "inverted", "10 % quantile")  # columns of a ranking, as far as they fit
 
 
-def quality_text(report: QualityReport, path: str, bar: str = "#") -> str:
+def quality_text(report: QualityReport, path: str, bar: str = "#", width: int = WIDTH) -> str:
     """The report of ``dvr report quality`` on the mesh at ``path``.
 
-    bar: the character that the histogram is drawn with.
+    bar: the character that the histogram is drawn with. width: columns to keep to, paths aside.
     """
     mesh, quality = report.mesh, report.quality
-    counts = [("points", mesh.points), *mesh.cells.items(), ("relaxed vertices", report.relaxed)]
-    counts += [("regions", mesh.regions)] if mesh.regions > 1 else []
-    lines = [f"{path} ({_kind(mesh)})", *(_row(name, str(count)) for name, count in counts), ""]
+    lines = [*(_row(name, count) for name, count in counts(report)), ""]
     lines.append("quality (mean ratio: 1 ideal, 0 degenerate, below 0 inverted)")
-    remarks = _remarks(quality)
-    lines += [
-        (_row(name, value) + "  " + remarks.get(name, "")).rstrip()
-        for name, value in _figures(quality, mesh.dimension)
-    ]
-    lines += ["", "elements by quality", *_histogram(quality, bar)]
+    said = remarks(quality)
+    for name, value in figures(quality, mesh.dimension):
+        lines += _remarked(_row(name, value), said.get(name, ""), width)
+    lines += ["", "elements by quality", *_histogram(quality, bar, width)]
     if quality.worst:
         lines += ["", "worst elements (numbered from 0 through all cells of the file)"]
-        lines += [f"  {_number(w.quality):>{_VALUE}}  {_place(w, 6)}" for w in quality.worst]
-    return "\n".join(lines + _notes(mesh))
+        for element in quality.worst:
+            lines += _remarked(f"  {_shown(element.quality):>{_VALUE}}", place(element, 6), width)
+    lines += ["", f"advice: {advice(report)}", *_noted(mesh)]
+    return "\n".join([f"{path} ({_kind(mesh)})", *fitted(lines, width)])
 
 
-def smooth_text(report: SmoothReport, source: str, output: str) -> str:
-    """The summary of a run of ``dvr smooth``: before and after, why it stopped, and what to know besides."""
+def smooth_text(report: SmoothReport, source: str, output: str, width: int | None = None) -> str:
+    """The summary of a run of ``dvr smooth``: before and after, why it stopped, and what to know besides.
+
+    width: columns to keep to, paths aside; None for no bound.
+    """
     mesh = report.mesh
     cells = ", ".join(f"{count} {name}" for name, count in mesh.cells.items())
     lines = [
-        f"{source} -> {output}",
         f"{_kind(mesh)}, {cells}",
         f"relaxed {report.relaxed} of {mesh.points} points in {_count(len(report.sweeps), 'sweep')}, "
         f"{report.seconds:.3f} s",
@@ -52,31 +59,58 @@ def smooth_text(report: SmoothReport, source: str, output: str) -> str:
         *_polished(report),
         *_boundary(report.boundary),
         *_limit(report.limited_by),
-        *_notes(mesh),
+        *_noted(mesh),
     ]
     if left := report.after.inverted + report.after.degenerate:
         lines.append(f"note: {_count(left, 'inverted or degenerate element')} left")
         lines += _left(report)
-    return "\n".join(lines)
+    return "\n".join([f"{source} -> {output}", *(fitted(lines, width) if width else lines)])
 
 
-def comparison_text(comparison: Comparison, before: str, after: str) -> str:
-    """The report of ``dvr report compare`` on the meshes at the paths ``before`` and ``after``."""
+def comparison_text(comparison: Comparison, names: Sequence[str], width: int = WIDTH) -> str:
+    """The report of ``dvr report compare`` on the meshes with these names.
+
+    width: columns to keep to, names aside.
+    """
+    if len(names) > 2:
+        return "\n".join(_ranking(comparison, names, width))
     if comparison.component is None:
-        verdict = "equal: the quality vectors are the same"
+        verdict, where = "equal: the quality vectors are the same", []
     else:
         i = comparison.component - 1
         old, new = comparison.before.quality.vector[i], comparison.after.quality.vector[i]
-        name = after if comparison.better == "after" else before
-        verdict = (
-            f"{comparison.better} is better: {name}\n"
+        verdict = f"{comparison.better} is better: {names[comparison.better == 'after']}"
+        where = [
             f"the quality vectors first differ at component {i + 1} of {comparison.after.relaxed}: "
-            f"{float(old)!r} before, {float(new)!r} after"
-        )
+            f"{float(old)!r} before, {float(new)!r} after",
+        ]
     dimension = comparison.after.mesh.dimension
-    return "\n".join(
-        [verdict, *_side_by_side(comparison.before.quality, comparison.after.quality, dimension)]
-    )
+    rows = _side_by_side(comparison.before.quality, comparison.after.quality, dimension)
+    return "\n".join([verdict, *fitted([*where, *rows], width)])
+
+
+def _ranking(comparison: Comparison, names: Sequence[str], width: int) -> list[str]:
+    """A table of meshes, the best first."""
+    longest = max(map(len, names))
+    labels = _RANKED[: max(1, (width - 8 - longest) // (_VALUE + 5))]
+    lines = ["  rank" + "".join(f"{label:>{_VALUE + 5}}" for label in labels) + "  mesh"]
+    for i in comparison.best_first:
+        report = comparison.reports[i]
+        values = dict(figures(report.quality, report.mesh.dimension))
+        cells = "".join(f"{_shown(values[label]):>{_VALUE + 5}}" for label in labels)
+        lines.append(f"  {comparison.ranks[i]:>4}{cells}  {names[i]}")
+    return lines
+
+
+def fitted(lines: Sequence[str], width: int) -> list[str]:
+    """Lines of which those longer than ``width`` are broken between words and go on further in."""
+    parts = []
+    for line in lines:
+        indent = " " * (len(line) - len(line.lstrip()) + 4)
+        parts += textwrap.wrap(
+            line, max(width, 20), subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+        ) or [""]
+    return parts
 
 
 def sweep_line(
@@ -84,45 +118,17 @@ def sweep_line(
 ) -> str:
     """What one sweep did, in one line; a phase other than relaxing is named."""
     name = "" if phase == "relax" else f"  {phase}"
-    average = "" if mean is None else f"  mean {_number(mean)}"
-    return f"sweep {sweep:3d}{name}  Q1 {_number(q1)}{average}  moved {moved}  {seconds:.2f} s"
+    average = "" if mean is None else f"  mean {_shown(mean)}"
+    return f"sweep {sweep:3d}{name}  Q1 {_shown(q1)}{average}  moved {moved}  {seconds:.2f} s"
 
 
 def gate_failure(quality: Quality, limit: float) -> str:
     """Why the quality gate at ``limit`` failed."""
-    return f"the worst quality, {_number(quality.minimum)}, is below {limit:g}"
-
-
-def _figures(quality: Quality, dimension: int) -> list[tuple[str, str]]:
-    """The rows of a quality block: label and value."""
-    angle = "angle" if dimension == 2 else "dihedral"
-    return [
-        ("Q1", _number(quality.q1)),
-        ("fixed cap", _number(quality.fixed_cap)),
-        ("worst", _number(quality.minimum)),
-        *((f"{100 * q:g} % quantile", _number(value)) for q, value in quality.quantiles.items()),
-        ("mean", _number(quality.mean)),
-        ("inverted", str(quality.inverted)),
-        ("degenerate", str(quality.degenerate)),
-        (f"min {angle} (deg)", _degrees(quality.min_angle)),
-        (f"max {angle} (deg)", _degrees(quality.max_angle)),
-    ]
-
-
-def _remarks(quality: Quality) -> dict[str, str]:
-    """What the rows of a quality block mean, and where the worst is, by label."""
-    remarks = {"Q1": "nothing can be relaxed", "fixed cap": "every element has a relaxed vertex"}
-    if quality.q1_element is not None:
-        remarks["Q1"] = _place(quality.q1_element, 4)
-    if quality.fixed_cap is not None:
-        remarks["fixed cap"] = "worst without a relaxed vertex"
-    if quality.worst:
-        remarks["worst"] = _place(quality.worst[0], 4)
-    return remarks
+    return f"the worst quality, {_shown(quality.minimum)}, is below {limit:g}"
 
 
 def _side_by_side(before: Quality, after: Quality, dimension: int) -> list[str]:
-    rows = zip(_figures(before, dimension), _figures(after, dimension), strict=True)
+    rows = zip(figures(before, dimension), figures(after, dimension), strict=True)
     return [_row("", "before", "after"), *(_row(name, old, new) for (name, old), (_, new) in rows)]
 
 
@@ -147,7 +153,7 @@ def _left(report: SmoothReport) -> list[str]:
     if report.untangling is None:
         return []
     worst = [element for element in report.after.worst if element.quality <= 0]
-    lines = [f"  {_number(element.quality):>{_VALUE}}  {_place(element, 6)}" for element in worst]
+    lines = [f"  {_shown(element.quality):>{_VALUE}}  {place(element, 6)}" for element in worst]
     if count := report.untangling["left"]["hopeless"]:
         lines.append(f"  {count} of them with a corner whose vertices are all held: no movement helps")
     if count := report.untangling["left"]["crossing"]:
@@ -183,7 +189,7 @@ def _polished(report: SmoothReport) -> list[str]:
     phase = report.phases[-1]
     if phase["phase"] != "polish" or not phase["sweeps"]:
         return []
-    sweeps, floor = _count(phase["sweeps"], "sweep"), _number(phase["floor"])
+    sweeps, floor = _count(phase["sweeps"], "sweep"), _shown(phase["floor"])
     return [f"polished in {sweeps}: the mean raised, Q1 kept above {floor}"]
 
 
@@ -201,45 +207,51 @@ def _boundary(change: BoundaryChange | None) -> list[str]:
     return [f"boundary: {'; '.join([apart, *parts])}"]
 
 
-def _notes(mesh: MeshSummary) -> list[str]:
+def _noted(mesh: MeshSummary) -> list[str]:
+    return [f"note: {note}" for note in notes(mesh)]
+
+
+def notes(mesh: MeshSummary) -> list[str]:
     """What to know of a mesh besides its figures."""
     notes = []
     if mesh.mirrored:
-        notes.append(f"note: {_count(mesh.mirrored, 'cell')} stored inside out, taken as the mirror image")
+        notes.append(f"{_count(mesh.mirrored, 'cell')} stored inside out, taken as the mirror image")
     if mesh.curved:
-        notes.append(f"note: {_count(mesh.curved, 'second-order cell')} curved, taken as straight")
+        notes.append(f"{_count(mesh.curved, 'second-order cell')} curved, taken as straight")
     return notes
 
 
-def _histogram(quality: Quality, bar: str) -> list[str]:
-    counts = quality.histogram.tolist()
-    n, most, width = len(counts), max(counts), max(len(str(count)) for count in counts)
-    lines = []
-    for i, count in enumerate(counts):
-        label = f"below {1 / n:.2f}" if i == 0 else f"{i / n:.2f} - {(i + 1) / n:.2f}"
-        length = -(-count * _BAR // most)  # rounded up: no element goes unseen
-        lines.append(f"  {label:>11}  {count:>{width}}  {bar * length}".rstrip())
-    return lines
+def _histogram(quality: Quality, bar: str, width: int) -> list[str]:
+    most = max(count for _, count in bins(quality))
+    digits = len(str(most))
+    longest = min(_BAR, max(width - 17 - digits, 5))
+    # rounded up: no element goes unseen
+    return [
+        f"  {label:>11}  {count:>{digits}}  {bar * -(-count * longest // most)}".rstrip()
+        for label, count in bins(quality)
+    ]
 
 
-def _place(element: Element, digits: int) -> str:
-    centroid = ", ".join(f"{x:.{digits}g}" for x in element.centroid)
-    return f"{element.cell_type} {element.cell} at ({centroid})"
+def _remarked(row: str, remark: str, width: int) -> list[str]:
+    """A row with a remark, which has a line of its own where they do not fit into one."""
+    fits = len(row) + 2 + len(remark) <= width
+    return [f"{row}  {remark}".rstrip()] if fits else [row, f"    {remark}"]
 
 
-def _row(label: str, *values: str) -> str:
-    return f"  {label:<{_LABEL}}" + "".join(f"{value:>{_VALUE}}" for value in values)
+def _row(label: str, *values: Figure | str) -> str:
+    cells = (value if isinstance(value, str) else _shown(value, label) for value in values)
+    return f"  {label:<{_LABEL}}" + "".join(f"{cell:>{_VALUE}}" for cell in cells)
 
 
-def _number(quality: float | None) -> str:
-    """A quality with four decimals, or with an exponent where these would show nothing."""
-    if quality is None:
+def _shown(value: Figure, label: str = "") -> str:
+    """A quality with four decimals, or with an exponent where these would show nothing; other figures."""
+    if value is None:
         return "-"
-    return f"{quality:.4f}" if quality == 0 or abs(quality) >= 1e-3 else f"{quality:.1e}"
-
-
-def _degrees(angle: float | None) -> str:
-    return "-" if angle is None else f"{angle:.2f}"
+    if isinstance(value, int):
+        return str(value)
+    if label.endswith("(deg)"):
+        return f"{value:.2f}"
+    return f"{value:.4f}" if value == 0 or abs(value) >= 1e-3 else f"{value:.1e}"
 
 
 def _count(number: int, what: str) -> str:

@@ -69,10 +69,10 @@ def test_the_module_is_the_command(tmp_path):
     assert (module.returncode, module.stderr) == (command.returncode, command.stderr)
 
 
-def on_a_terminal(stream: str, *arguments: object) -> str:
+def on_a_terminal(stream: str, *arguments: object, **variables: str) -> str:
     """What ``dvr`` shows on a terminal that its ``stream`` ("stdout" or "stderr") is connected to."""
     ours, theirs = os.openpty()
-    environment = {**os.environ, "PYTHONIOENCODING": "utf-8"}
+    environment = {**os.environ, "PYTHONIOENCODING": "utf-8", **variables}
     with subprocess.Popen([DVR, *map(str, arguments)], env=environment, **{stream: theirs}) as process:
         os.close(theirs)
         text = b""
@@ -106,7 +106,38 @@ def test_bars_are_blocks_only_on_a_terminal(tmp_path):
     shown = on_a_terminal("stdout", "report", "quality", path)
     piped = run("report", "quality", path, env={**os.environ, "PYTHONIOENCODING": "utf-8"}).stdout
     assert "█" in shown
-    assert piped == shown.replace("█", "#")
+    assert "#" not in shown
+    assert piped.isascii()
+    assert "\nQ1\t0.20" in piped
+
+
+@posix
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_a_terminal_without_blocks(tmp_path, encoding):
+    path = fan(tmp_path / "in.msh")
+    shown = on_a_terminal("stdout", "report", "quality", path, PYTHONIOENCODING=encoding, COLUMNS="40")
+    assert shown.isascii()
+    assert " 1  ####" in shown
+    assert max(map(len, shown.splitlines()[1:])) <= 40
+
+
+@posix
+def test_the_summary_on_a_narrow_terminal(tmp_path):
+    shown = on_a_terminal(
+        "stderr", "smooth", fan(tmp_path / "in.msh"), tmp_path / "out.msh", "--no-report", COLUMNS="40"
+    )
+    lines = shown.rsplit("\r", 1)[1].splitlines()
+    assert max(map(len, lines[1:])) <= 40
+
+
+@pytest.mark.parametrize("variable", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0"}])
+def test_a_pipe_of_ascii(tmp_path, variable):
+    path = fan(tmp_path / "größe.msh")
+    for command in (["quality", path], ["compare", path, path]):
+        result = run("report", *command, env={**os.environ, **variable})
+        assert (result.returncode, result.stderr) == (0, "")
+        assert result.stdout.isascii()
+        assert "gr" in result.stdout
 
 
 @posix

@@ -52,6 +52,8 @@ elements by quality
 worst elements (numbered from 0 through all cells of the file)
      0.2038  triangle 2 at (0.6, 0.966667, 0)
      0.3646  triangle 1 at (0.933333, 0.633333, 0)
+
+advice: dvr smooth can move vertices of the worst element to make it better
 """
 COMPARISON = """\
 after is better: {after}
@@ -71,22 +73,90 @@ the quality vectors first differ at component 1 of 1: {q!r} before, {best!r} aft
 """
 
 
-def test_the_quality_as_text(dvr, tmp_path):
+@pytest.fixture
+def terminal(monkeypatch):
+    """Let stdout count as a terminal of that many columns."""
+
+    def connect(columns: int = 80) -> None:
+        monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+        monkeypatch.setenv("COLUMNS", str(columns))
+
+    return connect
+
+
+def test_the_quality_on_a_terminal(dvr, terminal, tmp_path):
     path = fan(tmp_path / "mesh.msh")
     before = listing(tmp_path)
+    terminal()
     result = dvr("report", "quality", path, "--worst", "2")
     assert (result.code, result.err) == (0, "")
-    assert result.out == QUALITY.format(path=path)
+    assert result.out.replace("█", "#") == QUALITY.format(path=path)
     assert listing(tmp_path) == before
 
 
-def test_the_quality_fits_80_columns(dvr, cube, tmp_path):
+@pytest.mark.parametrize("columns", [80, 40, 25])
+def test_the_quality_fits_a_terminal(dvr, terminal, cube, columns):
+    terminal(columns)
     result = dvr("report", "quality", cube)
     assert result.code == 0
     lines = result.out.splitlines()[1:]  # the first one is as long as the path
-    assert max(map(len, lines)) <= 80
+    assert max(map(len, lines)) <= max(columns, 30)  # a label and its value take 30
     assert "min dihedral (deg)" in result.out
+    words = " ".join(result.out.split())
+    assert "(numbered from 0 through all cells of the file)" in words
+    terminal(200)
+    wide = dvr("report", "quality", cube).out
+    figures = [line for line in wide.splitlines() if line.startswith("  ") and "#" not in line]
+    assert all(word in words for line in figures for word in line.replace("█", "").split())
+
+
+def test_the_quality_in_a_pipe_is_a_table(dvr, tmp_path):
+    path = fan(tmp_path / "mesh.msh")
+    result = dvr("report", "quality", path, "--worst", "2")
+    assert (result.code, result.err) == (0, "")
     assert result.out.isascii()
+    rows = [line.split("\t") for line in result.out.splitlines()]
+    table = {row[0]: row[1] for row in rows}
+    assert len(table) == len(rows)
+    record = read_json(dvr("report", "quality", path, "--json", "--worst", "2").out)
+    quality = record["quality"]
+    assert (table["mesh"], table["dimension"], table["triangle"]) == (str(path), "2", "4")
+    assert table["relaxed vertices"] == "1"
+    assert float(table["Q1"]) == quality["q1"]
+    assert table["fixed cap"] == "-"
+    assert float(table["10 % quantile"]) == quality["quantiles"]["0.1"]
+    assert float(table["max angle (deg)"]) == quality["max_angle"]
+    assert [int(n) for name, n in table.items() if name.startswith("elements ")] == quality["histogram"]
+    assert [row[1:] for row in rows if row[0].startswith("worst ")] == [
+        [repr(worst["quality"]), place]
+        for worst, place in zip(
+            quality["worst"],
+            ["triangle 2 at (0.6, 0.966667, 0)", "triangle 1 at (0.933333, 0.633333, 0)"],
+            strict=True,
+        )
+    ]
+    assert table["advice"].startswith("dvr smooth can ")
+
+
+def test_a_name_cannot_break_the_table(dvr, tmp_path):
+    path = fan(tmp_path / "a\tb\nc.msh")
+    assert dvr("report", "quality", path).out.splitlines()[0] == f"mesh\t{tmp_path}/a b c.msh"
+
+
+@pytest.mark.parametrize(
+    ("points", "cells", "advice"),
+    [
+        ([*CORNERS, [0.5, 0.5]], FAN, "no need"),
+        ([*CORNERS, [0.8, 0.9]], FAN, "dvr smooth can"),
+        ([*CORNERS, [1.2, 0.9]], FAN, "1 inverted or degenerate: dvr smooth --untangle"),
+        ([*CORNERS[:2], [0.5, 0.1]], [[0, 1, 2]], "no vertex lies inside"),
+        ([*CORNERS, [0.5, 0.5], [0.5, 1.01]], [*FAN, [3, 2, 5]], "the worst element has no vertex inside"),
+    ],
+)
+def test_the_advice(dvr, tmp_path, points, cells, advice):
+    path = write(tmp_path / "mesh.msh", points, {"triangle": cells})
+    (line,) = [x for x in dvr("report", "quality", path).out.splitlines() if x.startswith("advice")]
+    assert advice in line
 
 
 def test_the_quality_as_json(dvr, tmp_path):
@@ -166,24 +236,27 @@ def test_the_quality_gate(dvr, tmp_path, limit, code, form):
     assert result.err == (f"dvr: {path}: the worst quality, 0.2038, is below 0.21\n" if code else "")
 
 
-def test_comparing_with_a_better_mesh(dvr, tmp_path):
+def test_comparing_with_a_better_mesh(dvr, terminal, tmp_path):
     before, after = fan(tmp_path / "a.msh"), fan(tmp_path / "b.msh", 0.5, 0.5)
     q, best = (
         read_json(dvr("report", "quality", path, "--json").out)["quality"]["q1"] for path in (before, after)
     )
+    terminal(200)
     result = dvr("report", "compare", before, after)
     assert (result.code, result.err) == (0, "")
     assert result.out == COMPARISON.format(after=after, q=q, best=best)
 
 
-def test_comparing_with_a_worse_mesh(dvr, tmp_path):
+def test_comparing_with_a_worse_mesh(dvr, terminal, tmp_path):
+    terminal()
     before, after = fan(tmp_path / "a.msh", 0.5, 0.5), fan(tmp_path / "b.msh")
     result = dvr("report", "compare", before, after)
     assert (result.code, result.err) == (1, "")
     assert result.out.startswith(f"before is better: {before}\n")
 
 
-def test_comparing_equal_meshes(dvr, tmp_path):
+def test_comparing_equal_meshes(dvr, terminal, tmp_path):
+    terminal()
     before, after = fan(tmp_path / "a.msh"), fan(tmp_path / "b.vtk")
     result = dvr("report", "compare", before, after)
     assert (result.code, result.err) == (0, "")
@@ -195,8 +268,41 @@ def test_a_comparison_as_json(dvr, tmp_path):
     result = dvr("report", "compare", "--json", before, after)
     record = read_json(result.out)
     assert (result.code, record["better"], record["first_difference"]) == (0, "after", 1)
-    assert record["before"]["mesh"]["path"] == str(before)
-    assert record["after"]["quality"]["q1"] == pytest.approx(BEST)
+    assert [mesh["mesh"]["path"] for mesh in record["meshes"]] == [str(before), str(after)]
+    assert [mesh["rank"] for mesh in record["meshes"]] == [2, 1]
+    assert record["meshes"][1]["quality"]["q1"] == pytest.approx(BEST)
+
+
+@pytest.mark.parametrize(
+    ("order", "ranks", "code"),
+    [
+        ("abcd", [4, 2, 1, 2], 0),
+        ("bacd", [2, 4, 1, 2], 0),
+        ("cabd", [1, 4, 2, 2], 1),
+        ("dabc", [2, 4, 2, 1], 0),
+        ("cba", [1, 2, 3], 1),
+    ],
+)
+def test_ranking_many_meshes(dvr, terminal, tmp_path, order, ranks, code):
+    """Nearer to the middle is better; the last against the first decides on the exit code."""
+    places = {"a": (0.8, 0.9), "b": (0.5, 0.6), "c": (0.5, 0.5), "d": (0.5, 0.6)}
+    paths = [fan(tmp_path / f"{name}{i}.msh", *places[name]) for i, name in enumerate(order)]
+    table = dvr("report", "compare", *paths)
+    assert table.code == code
+    header, *rows = (line.split("\t") for line in table.out.splitlines())
+    assert header[:4] == ["mesh", "rank", "Q1", "fixed cap"]
+    assert [row[:2] for row in rows] == [
+        [str(path), str(rank)] for path, rank in zip(paths, ranks, strict=True)
+    ]
+    record = read_json(dvr("report", "compare", *paths, "--json").out)
+    assert [mesh["rank"] for mesh in record["meshes"]] == ranks
+    assert [float(row[2]) for row in rows] == [mesh["quality"]["q1"] for mesh in record["meshes"]]
+    terminal(200)
+    shown = dvr("report", "compare", *paths).out.splitlines()
+    assert [line.split()[-1] for line in shown[1:]] == [
+        str(paths[i]) for i in sorted(range(len(paths)), key=lambda i: ranks[i])
+    ]
+    assert shown[0].split()[:2] == ["rank", "Q1"]
 
 
 def test_meshes_of_different_cells_are_not_compared(dvr, tmp_path):

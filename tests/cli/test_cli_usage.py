@@ -26,6 +26,8 @@ from dvr_cli.relax.schedule import ORDERS
         (["report", "compare", "IN"], "AFTER"),
         (["report", "quality", "IN", "--json", "--csv"], "--csv"),
         (["report", "quality", "IN", "--worst", "-1"], "--worst"),
+        (["report", "quality", "IN", "--plot", "p.jpg"], "p.jpg"),
+        (["report", "compare", "IN", "IN", "--plot", "p"], "p"),
         (["report", "quality", "IN", "--fail-below", "nan"], "--fail-below"),
         (["report", "quality", "IN", "--input-format", "cuneiform"], "cuneiform"),
         (["smooth"], "IN"),
@@ -98,6 +100,8 @@ def test_wrong_arguments(dvr, tmp_path, arguments, named):
         (["--report", "r.txt"], "r.txt"),
         (["--report", "r"], "r"),
         (["--report", "r.json", "--no-report"], "--no-report"),
+        (["--plot", "p.gif"], "p.gif"),
+        (["--quality-field"], "out.msh"),
         (["-q", "-v"], "--verbose"),
         (["--input-format", "cuneiform"], "cuneiform"),
         (["--output-format", "cuneiform"], "cuneiform"),
@@ -205,6 +209,8 @@ SMOOTH = {
     "--patches": [],
     "--untangle": [],
     "--report": ["{folder}/r.csv"],
+    "--plot": ["{folder}/p.svg"],
+    "--quality-field": ["--output-format", "vtu"],
     "--no-report": [],
     "--input-format": ["gmsh"],
     "--output-format": ["vtk"],
@@ -218,6 +224,8 @@ UNTANGLE = {
     "--fix": ["1"],
     "--time-limit": ["5.5"],
     "--report": ["{folder}/r.csv"],
+    "--plot": ["{folder}/p.svg"],
+    "--quality-field": ["--output-format", "vtu"],
     "--no-report": [],
     "--straighten": [],
     "--input-format": ["gmsh"],
@@ -229,12 +237,13 @@ UNTANGLE = {
 QUALITY = {
     "--json": [],
     "--csv": [],
+    "--plot": ["{folder}/p.png"],
     "--worst": ["3"],
     "--fail-below": ["0.1"],
     "--input-format": ["gmsh"],
     "--debug": [],
 }
-COMPARE = {"--json": [], "--input-format": ["gmsh"], "--debug": []}
+COMPARE = {"--json": [], "--plot": ["{folder}/c.pdf"], "--input-format": ["gmsh"], "--debug": []}
 
 
 @pytest.mark.parametrize(

@@ -293,14 +293,18 @@ def test_comparison_names_the_better_and_the_first_component_that_differs():
     points, _ = dvr_cli.smooth(mesh.points, {"tetra": mesh.cells[0].vertices}, max_iterations=2)
     before, after = mesh_quality(mesh), mesh_quality(Mesh(points, mesh.cells))
     for one, other, better in ((before, after, "after"), (after, before, "before"), (after, after, "equal")):
-        comparison = compare_qualities(one, other, same_connectivity=True)
+        comparison = compare_qualities([one, other], same_connectivity=True)
         assert comparison.better == better
         assert comparison.component == (None if better == "equal" else 1)
-        record = valid(comparison.record("a.msh", "b.msh"))
+        record = valid(comparison.record(["a.msh", "b.msh"]))
         assert record["schema"] == "dvr.compare/1"
         assert (record["better"], record["first_difference"]) == (better, comparison.component)
-        assert record["before"]["mesh"]["path"] == "a.msh"
-        assert record["after"]["mesh"]["path"] == "b.msh"
+        assert [mesh["mesh"]["path"] for mesh in record["meshes"]] == ["a.msh", "b.msh"]
+        assert [mesh["rank"] for mesh in record["meshes"]] == {
+            "after": [2, 1],
+            "before": [1, 2],
+            "equal": [1, 1],
+        }[better]
 
 
 def test_comparison_beyond_the_first_component():
@@ -311,7 +315,7 @@ def test_comparison_beyond_the_first_component():
     points = mesh.points.copy()
     points[vertex] += 1e-9
     after = mesh_quality(Mesh(points, mesh.cells))
-    comparison = compare_qualities(before, after, same_connectivity=True)
+    comparison = compare_qualities([before, after], same_connectivity=True)
     u, w = before.quality.vector, after.quality.vector
     first = next(i for i in range(len(u)) if u[i] != w[i])
     assert first > 0
@@ -322,7 +326,7 @@ def test_comparison_beyond_the_first_component():
 def test_meshes_of_different_connectivity_or_relaxed_vertices_cannot_be_compared():
     one = mesh_quality(random_mesh("triangle", 1))
     with pytest.raises(InputError, match="different cells"):
-        compare_qualities(one, one, same_connectivity=False)
+        compare_qualities([one, one], same_connectivity=False)
     other = mesh_quality(random_mesh("triangle", 1, n=4))
     with pytest.raises(InputError, match="different cells"):
-        compare_qualities(one, other, same_connectivity=True)
+        compare_qualities([one, other], same_connectivity=True)

@@ -1,0 +1,25 @@
+"""One line of advice on a mesh that is to be used or relaxed, from its quality report."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dvr_cli.report.records import QualityReport
+
+FAIR = 0.5  # worst quality from which on a mesh is as good as solvers need it
+
+
+def advice(report: QualityReport) -> str:
+    """What to do about the worst element, in one line."""
+    quality = report.quality
+    poor = quality.inverted + quality.degenerate
+    if quality.minimum >= FAIR:
+        return f"every element has quality {FAIR:g} or better: no need to do anything"
+    if quality.q1 is None:
+        return "no vertex lies inside the mesh: free those on the boundary, or remesh"
+    if quality.fixed_cap is not None and quality.fixed_cap <= quality.minimum:
+        return "the worst element has no vertex inside the mesh: free those on the boundary, or remesh there"
+    if poor:
+        return f"{poor} inverted or degenerate: dvr smooth --untangle makes positive what it can"
+    return "dvr smooth can move vertices of the worst element to make it better"

@@ -1,0 +1,59 @@
+"""The figures of a quality block with their labels, as all reports in words and tables show them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dvr_cli.report.quality import Element, Quality
+    from dvr_cli.report.records import QualityReport
+
+Figure = float | int | None
+
+
+def counts(report: QualityReport) -> list[tuple[str, int]]:
+    """What the mesh has: label and number."""
+    mesh = report.mesh
+    regions = [("regions", mesh.regions)] if mesh.regions > 1 else []
+    return [("points", mesh.points), *mesh.cells.items(), ("relaxed vertices", report.relaxed), *regions]
+
+
+def figures(quality: Quality, dimension: int) -> list[tuple[str, Figure]]:
+    """The rows of a quality block: label and value, None for what the mesh does not have."""
+    angle = "angle" if dimension == 2 else "dihedral"
+    return [
+        ("Q1", quality.q1),
+        ("fixed cap", quality.fixed_cap),
+        ("worst", quality.minimum),
+        *((f"{100 * q:g} % quantile", value) for q, value in quality.quantiles.items()),
+        ("mean", quality.mean),
+        ("inverted", quality.inverted),
+        ("degenerate", quality.degenerate),
+        (f"min {angle} (deg)", quality.min_angle),
+        (f"max {angle} (deg)", quality.max_angle),
+    ]
+
+
+def remarks(quality: Quality) -> dict[str, str]:
+    """What the rows of a quality block mean, and where the worst is, by label."""
+    said = {"Q1": "nothing can be relaxed", "fixed cap": "every element has a relaxed vertex"}
+    if quality.q1_element is not None:
+        said["Q1"] = place(quality.q1_element, 4)
+    if quality.fixed_cap is not None:
+        said["fixed cap"] = "worst without a relaxed vertex"
+    if quality.worst:
+        said["worst"] = place(quality.worst[0], 4)
+    return said
+
+
+def bins(quality: Quality) -> list[tuple[str, int]]:
+    """The rows of the histogram: range of qualities and number of elements."""
+    n = len(quality.histogram)
+    labels = [f"below {1 / n:.2f}", *(f"{i / n:.2f} - {(i + 1) / n:.2f}" for i in range(1, n))]
+    return list(zip(labels, quality.histogram.tolist(), strict=True))
+
+
+def place(element: Element, digits: int) -> str:
+    """Which element, and where."""
+    centroid = ", ".join(f"{x:.{digits}g}" for x in element.centroid)
+    return f"{element.cell_type} {element.cell} at ({centroid})"
