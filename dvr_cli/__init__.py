@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from dvr_cli.api import compare, quality_report, smooth, untangle
+    from dvr_cli.api import Relaxer, compare, quality_report, smooth, untangle
 
-__all__ = ["compare", "quality_report", "smooth", "untangle"]
+__all__ = ["Relaxer", "compare", "quality_report", "smooth", "untangle"]
 
 
 def __getattr__(name: str) -> Any:

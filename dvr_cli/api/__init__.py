@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dvr_cli.api.morphing import morph_mesh as morph_mesh
 from dvr_cli.api.options import Directions, Names, SmoothOptions, Vertices
+from dvr_cli.api.relaxer import Relaxer as Relaxer
 from dvr_cli.api.smoothing import smooth_mesh
-from dvr_cli.errors import UsageError
-from dvr_cli.mesh.convert import from_meshio
+from dvr_cli.mesh.convert import as_mesh, from_meshio
 from dvr_cli.mesh.domain import domain_of
-from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.report.compare import Comparison, compare_qualities
 from dvr_cli.report.quality import measure
@@ -188,18 +189,3 @@ def same_connectivity(meshes: Sequence[Mesh]) -> bool:
         )
         for other in meshes[1:]
     )
-
-
-def as_mesh(
-    mesh: meshio.Mesh | np.ndarray,
-    cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None,
-) -> Mesh:
-    """A Mesh from what a caller hands over; see ``smooth``."""
-    if not isinstance(mesh, np.ndarray):
-        return from_meshio(mesh)
-    if cells is None:
-        raise UsageError("cells: needed when points are given")
-    if mesh.ndim != 2 or mesh.shape[1] not in (2, 3):
-        raise UsageError(f"points: shape {mesh.shape} is not (N, 2) or (N, 3)")
-    pairs = cells.items() if isinstance(cells, Mapping) else cells
-    return Mesh(np.array(mesh, dtype=np.float64), [Cells(name, np.asarray(array)) for name, array in pairs])

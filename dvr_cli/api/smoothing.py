@@ -92,7 +92,7 @@ def smooth_mesh(
     def kept(flat: np.ndarray) -> tuple[np.ndarray, Quality]:
         """The points as they will be kept, and their quality."""
         points = domain.lift(mesh.points, flat)
-        if domain.is_tilted and _worse(measure(domain, points, relaxed), reference):
+        if domain.is_tilted and worse(measure(domain, points, relaxed), reference):
             points, run.stopped_because = mesh.points.copy(), "rounding"
         return _kept(
             partial(measure, domain, relaxed=relaxed, inverted=run.inverted), points, reference, storage
@@ -174,10 +174,10 @@ def _kept(
         return points, measured(points)
     kept = storage.stored(points)
     after = measured(kept)
-    if _worse(after, before) and storage.widen():
+    if worse(after, before) and storage.widen():
         kept = storage.stored(points)
         after = measured(kept)
-    if _worse(after, before):
+    if worse(after, before):
         raise OutputError(
             f"rounding the coordinates as the output stores them would lower Q1 from {before.q1:.6g} to "
             f"{after.q1:.6g}; choose a format with 64-bit coordinates"
@@ -185,7 +185,8 @@ def _kept(
     return kept, after
 
 
-def _worse(after: Quality, before: Quality) -> bool:
+def worse(after: Quality, before: Quality) -> bool:
+    """Whether a mesh got a lower Q1 or more inverted elements."""
     if after.q1 is None or before.q1 is None:
         return False
     return after.inverted > before.inverted or after.q1 < before.q1

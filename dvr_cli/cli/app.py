@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from dvr_cli import __version__
+from dvr_cli.cli.morph import morph
 from dvr_cli.cli.report import compare, quality
 from dvr_cli.cli.smooth import smooth
 from dvr_cli.cli.streams import emit
@@ -27,6 +28,7 @@ report = typer.Typer(help="Measure the quality of meshes.", **_SETTINGS)
 app.add_typer(report, name="report")
 app.command()(smooth)
 app.command()(untangle)
+app.command()(morph)
 report.command()(quality)
 report.command()(compare)
 

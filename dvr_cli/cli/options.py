@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -110,6 +110,67 @@ Straighten = Annotated[
 ]
 TimeLimit = Annotated[float | None, typer.Option(parser=number(0), metavar="S", help="Stop after S seconds.")]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")]
+Directions = Annotated[
+    str,
+    typer.Option(
+        "-d",
+        "--directions",
+        metavar="SPEC",
+        help="Along what vertices move: a comma-separated list, one entry a sweep, cycled, of random, x, "
+        "y, z, axis (= x,y[,z]), circumferential, radial, steepest (ascent of the worst quality around), "
+        "optimal (steepest until none helps), file:PATH (.npy, .csv or .txt), field:NAME (a vector point "
+        "field of IN).",
+    ),
+]
+Center = Annotated[
+    Vector | None,
+    typer.Option(
+        parser=vector(2, 3),
+        metavar="X,Y[,Z]",
+        help="Centre of circumferential and radial; default: the centroid of the points.",
+    ),
+]
+Axis = Annotated[
+    Vector | None,
+    typer.Option(
+        parser=vector(3),
+        metavar="X,Y,Z",
+        help="Axis of circumferential and radial in a volume mesh; default: 0,0,1.",
+    ),
+]
+MaxIterations = Annotated[
+    int, typer.Option("-n", "--max-iterations", min=0, metavar="N", help="Sweeps at most.")
+]
+Tol = Annotated[
+    float,
+    typer.Option(parser=number(0), metavar="EPS", help="Growth of Q1 in a sweep that counts as progress."),
+]
+Patience = Annotated[
+    int, typer.Option(min=1, metavar="K", help="Stop after K sweeps in a row without progress.")
+]
+Target = Annotated[
+    float | None, typer.Option(parser=quality_value, metavar="Q", help="Stop when Q1 reaches Q.")
+]
+Order = Annotated[
+    Literal["coloured", "natural", "shuffled"],
+    typer.Option(help="Order of the vertices in a sweep.", metavar="coloured|natural|shuffled"),
+]
+Seed = Annotated[
+    int, typer.Option(min=0, metavar="N", help="Seed of random directions and the shuffled order.")
+]
+EngineName = Annotated[
+    Literal["auto", "numpy", "numba"],
+    typer.Option(
+        "--engine",
+        help="What computes; the result is the same. auto takes numba if it is installed (dvr-cli[fast]) "
+        "and pays.",
+        metavar="auto|numpy|numba",
+    ),
+]
+Threads = Annotated[
+    int | None, typer.Option(min=1, metavar="N", help="Threads of the numba engine; default: all cores.")
+]
+Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="Print a line for each sweep.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the report as JSON.")]
 # main looks for it among the arguments, as errors of the parser precede any command
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]

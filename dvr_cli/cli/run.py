@@ -1,8 +1,9 @@
-"""What ``dvr smooth`` and ``dvr untangle`` have in common: read, compute, write mesh and report, sum up."""
+"""What the commands that move vertices have in common: read, compute, write mesh and report, sum up."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,9 @@ from dvr_cli.cli.streams import columns, say
 from dvr_cli.errors import OutputError, UsageError
 
 if TYPE_CHECKING:
-    from dvr_cli.api import SmoothOptions
+    import numpy as np
+
+    from dvr_cli.report.records import SmoothReport
 
 _LONG = 5.0  # seconds of relaxing after which the compiled engine is worth a word
 _REPORTS = (".json", ".csv", ".html")
@@ -24,7 +27,7 @@ _REPORTS = (".json", ".csv", ".html")
 def run(
     source: Path,
     output: Path,
-    options: SmoothOptions,
+    work: Callable[..., tuple[np.ndarray, SmoothReport]],
     *,
     report: Path | None,
     no_report: bool,
@@ -36,8 +39,10 @@ def run(
     quiet: bool,
     verbose: bool = False,
 ) -> int:
-    """Run a command that moves the vertices of a mesh and return its exit code; see ``dvr smooth --help``."""
-    from dvr_cli.api import smooth_mesh
+    """Run a command that moves the vertices of a mesh and return its exit code; see ``dvr smooth --help``.
+
+    work: ``smooth_mesh`` or the like; gets the mesh, and storage, on_sweep and interrupted by name.
+    """
     from dvr_cli.files import writing
     from dvr_cli.files.reading import open_mesh
     from dvr_cli.relax.choice import has_numba
@@ -67,8 +72,12 @@ def run(
         progress.show("preparing")
         with Interrupt() as interrupt:
             with naming(source), naming(output, OutputError):
-                points, result = smooth_mesh(
-                    opened.mesh, options, destination, progress.sweep, lambda: interrupt.requested, drawn
+                points, result = work(
+                    opened.mesh,
+                    storage=destination,
+                    on_sweep=progress.sweep,
+                    interrupted=lambda: interrupt.requested,
+                    means=drawn,
                 )
             progress.show(f"writing {output}")
             if quality_field:

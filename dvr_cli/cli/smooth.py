@@ -2,28 +2,39 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
 from dvr_cli.cli.options import (
+    Axis,
+    Center,
     Debug,
+    Directions,
+    EngineName,
     FailBelow,
     Fix,
     InputFormat,
+    MaxIterations,
     NoReport,
+    Order,
     OutputFormat,
+    Patience,
     Plot,
     QualityField,
     Quiet,
     Report,
+    Seed,
     Straighten,
+    Target,
+    Threads,
     TimeLimit,
-    Vector,
+    Tol,
+    Verbose,
     number,
     quality_value,
-    vector,
 )
 from dvr_cli.cli.run import run
 
@@ -31,57 +42,16 @@ from dvr_cli.cli.run import run
 def smooth(
     source: Annotated[Path, typer.Argument(metavar="IN", help="The mesh to improve; - for stdin.")],
     output: Annotated[Path, typer.Argument(metavar="OUT", help="The file to write; - for stdout.")],
-    directions: Annotated[
-        str,
-        typer.Option(
-            "-d",
-            "--directions",
-            metavar="SPEC",
-            help="Along what vertices move: a comma-separated list, one entry a sweep, cycled, of random, x, "
-            "y, z, axis (= x,y[,z]), circumferential, radial, steepest (ascent of the worst quality around), "
-            "optimal (steepest until none helps), file:PATH (.npy, .csv or .txt), field:NAME (a vector point "
-            "field of IN).",
-        ),
-    ] = "steepest,random",
-    center: Annotated[
-        Vector | None,
-        typer.Option(
-            parser=vector(2, 3),
-            metavar="X,Y[,Z]",
-            help="Centre of circumferential and radial; default: the centroid of the points.",
-        ),
-    ] = None,
-    axis: Annotated[
-        Vector | None,
-        typer.Option(
-            parser=vector(3),
-            metavar="X,Y,Z",
-            help="Axis of circumferential and radial in a volume mesh; default: 0,0,1.",
-        ),
-    ] = None,
-    max_iterations: Annotated[
-        int, typer.Option("-n", "--max-iterations", min=0, metavar="N", help="Sweeps at most.")
-    ] = 100,
-    tol: Annotated[
-        float,
-        typer.Option(
-            parser=number(0), metavar="EPS", help="Growth of Q1 in a sweep that counts as progress."
-        ),
-    ] = 1e-3,
-    patience: Annotated[
-        int, typer.Option(min=1, metavar="K", help="Stop after K sweeps in a row without progress.")
-    ] = 3,
-    target: Annotated[
-        float | None, typer.Option(parser=quality_value, metavar="Q", help="Stop when Q1 reaches Q.")
-    ] = None,
+    directions: Directions = "steepest,random",
+    center: Center = None,
+    axis: Axis = None,
+    max_iterations: MaxIterations = 100,
+    tol: Tol = 1e-3,
+    patience: Patience = 3,
+    target: Target = None,
     time_limit: TimeLimit = None,
-    order: Annotated[
-        Literal["coloured", "natural", "shuffled"],
-        typer.Option(help="Order of the vertices in a sweep.", metavar="coloured|natural|shuffled"),
-    ] = "coloured",
-    seed: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Seed of random directions and the shuffled order.")
-    ] = 0,
+    order: Order = "coloured",
+    seed: Seed = 0,
     boundary: Annotated[
         Literal["fixed", "slide", "project"],
         typer.Option(
@@ -132,17 +102,8 @@ def smooth(
             help="Relax only the vertices listed in FILE (.txt, .csv or .npy), numbered from 0.",
         ),
     ] = None,
-    engine: Annotated[
-        Literal["auto", "numpy", "numba"],
-        typer.Option(
-            help="What computes; the result is the same. auto takes numba if it is installed (dvr-cli[fast]) "
-            "and pays.",
-            metavar="auto|numpy|numba",
-        ),
-    ] = "auto",
-    threads: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Threads of the numba engine; default: all cores.")
-    ] = None,
+    engine: EngineName = "auto",
+    threads: Threads = None,
     report: Report = None,
     plot: Plot = None,
     quality_field: QualityField = False,
@@ -186,14 +147,14 @@ def smooth(
     output_format: OutputFormat = None,
     fail_below: FailBelow = None,
     quiet: Quiet = False,
-    verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Print a line for each sweep.")] = False,
+    verbose: Verbose = False,
     debug: Debug = False,
 ) -> int:
     """Improve a mesh by moving its vertices, each to where the worst element around it is best.
 
     Q1, the worst quality that this can touch, never decreases. Ctrl-C ends early with the mesh reached.
     """
-    from dvr_cli.api import SmoothOptions
+    from dvr_cli.api import SmoothOptions, smooth_mesh
     from dvr_cli.relax.stopping import Stopping
 
     options = SmoothOptions(
@@ -223,7 +184,7 @@ def smooth(
     return run(
         source,
         output,
-        options,
+        partial(smooth_mesh, options=options),
         report=report,
         no_report=no_report,
         plot=plot,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -54,7 +55,7 @@ def untangle(
     known, reasons; there are never more of them than before. 'dvr smooth --untangle' goes on to improve the
     quality.
     """
-    from dvr_cli.api import SmoothOptions
+    from dvr_cli.api import SmoothOptions, smooth_mesh
     from dvr_cli.relax.stopping import Stopping
 
     options = SmoothOptions(
@@ -67,7 +68,7 @@ def untangle(
     return run(
         source,
         output,
-        options,
+        partial(smooth_mesh, options=options),
         report=report,
         no_report=no_report,
         plot=plot,

@@ -1,4 +1,4 @@
-"""Arrays given by the user in files: direction fields and lists of vertices."""
+"""Arrays given by the user in files: direction fields, displacements and lists of vertices."""
 
 from __future__ import annotations
 
@@ -12,6 +12,11 @@ from dvr_cli.errors import InputError, UsageError
 def read_directions(path: Path) -> np.ndarray:
     """The direction field in a file; see ``_read`` for the kinds of file and the errors."""
     return _read(path, f"directions file:{path}")
+
+
+def read_displacement(path: Path) -> np.ndarray:
+    """The displacement in a file; see ``_read``."""
+    return _read(path, f"displacement {path}")
 
 
 def read_vertices(path: Path) -> np.ndarray:

@@ -1,11 +1,13 @@
-"""Between ``meshio.Mesh`` and ``Mesh``: the same fields, so that nothing is lost either way."""
+"""From and to ``Mesh``: ``meshio.Mesh``, of the same fields, so that nothing is lost, and plain arrays."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dvr_cli.errors import UsageError
 from dvr_cli.mesh.mesh import Cells, Mesh
 
 if TYPE_CHECKING:
@@ -40,6 +42,24 @@ def to_meshio(mesh: Mesh, points: np.ndarray) -> meshio.Mesh:
         cell_data=mesh.cell_data,
         field_data=mesh.field_data,
     )
+
+
+def as_mesh(
+    mesh: meshio.Mesh | np.ndarray,
+    cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None,
+) -> Mesh:
+    """A Mesh from a ``meshio.Mesh``, or points (N, 2|3) and cells as {type: (n, k)} or such pairs.
+
+    Raises UsageError for points without cells or of another shape.
+    """
+    if not isinstance(mesh, np.ndarray):
+        return from_meshio(mesh)
+    if cells is None:
+        raise UsageError("cells: needed when points are given")
+    if mesh.ndim != 2 or mesh.shape[1] not in (2, 3):
+        raise UsageError(f"points: shape {mesh.shape} is not (N, 2) or (N, 3)")
+    pairs = cells.items() if isinstance(cells, Mapping) else cells
+    return Mesh(np.array(mesh, dtype=np.float64), [Cells(name, np.asarray(array)) for name, array in pairs])
 
 
 def _native(array: np.ndarray) -> np.ndarray:

@@ -183,14 +183,19 @@ def _check_types(cells: list[Cells], dimension: int) -> None:
         raise InputError(f"the mesh has only {' and '.join(sorted(set(types)))} cells: nothing to relax")
 
 
+def check_coordinates(points: np.ndarray) -> None:
+    """Raise InputError unless all coordinates are finite and small enough to compute with."""
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad):
+        raise InputError(f"the coordinates of vertex {bad[0]} (counted from 0) are not finite")
+    if np.abs(points).max(initial=0.0) > _LARGEST:
+        raise InputError(f"coordinates beyond {_LARGEST:g} cannot be computed with; choose another unit")
+
+
 def _check_values(mesh: Mesh) -> None:
     if mesh.points.ndim != 2 or mesh.points.shape[1] not in (2, 3):
         raise InputError(f"points have shape {mesh.points.shape}; 2 or 3 coordinates each are needed")
-    bad = np.flatnonzero(~np.isfinite(mesh.points).all(axis=1))
-    if len(bad):
-        raise InputError(f"the coordinates of vertex {bad[0]} (counted from 0) are not finite")
-    if np.abs(mesh.points).max(initial=0.0) > _LARGEST:
-        raise InputError(f"coordinates beyond {_LARGEST:g} cannot be computed with; choose another unit")
+    check_coordinates(mesh.points)
     first = 0
     for block in mesh.cells:
         vertices = block.vertices

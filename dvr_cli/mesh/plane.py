@@ -37,6 +37,14 @@ class Plane:
             lifted[moved] += shift[moved] @ self.axes
         return lifted
 
+    def holds(self, points: np.ndarray) -> bool:
+        """Whether ``points`` (N, D) lie in this plane or, all of them, in one parallel to it."""
+        if self.axes.shape[1] == 2 or not len(points):
+            return True
+        height = points @ np.cross(self.axes[0], self.axes[1])
+        extent = float(np.ptp(points, axis=0).max())
+        return bool(np.ptp(height) <= 2 * FLAT * extent)  # FLAT to either side
+
 
 def plane_of(points: np.ndarray) -> Plane | None:
     """The plane that contains all ``points`` ((N, 2) or (N, 3)) to within FLAT, or None."""

@@ -13,6 +13,7 @@ from dvr_cli.errors import UsageError
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.groups import group_vertices
 from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.quality.mean_ratio import element_qualities
 
 
@@ -77,14 +78,7 @@ def _around_worse(domain: Domain, limit: float, layers: int) -> np.ndarray:
     ends = np.cumsum([len(block.vertices) for block in domain.cells])
     for block, mask in zip(domain.cells, np.split(bad, ends[:-1]), strict=True):
         near[block.vertices[mask]] = True
-    for _ in range(layers):
-        touched = [block.vertices[near[block.vertices].any(axis=1)] for block in domain.cells]
-        before = near.sum()
-        for vertices in touched:
-            near[vertices] = True
-        if near.sum() == before:
-            break  # however many layers are asked for
-    return near
+    return within_rings(domain.cells, near, layers)
 
 
 def _listed(vertices: np.ndarray, n: int) -> np.ndarray:

@@ -19,6 +19,7 @@ from dvr_cli.relax.stopping import Stopping
 # What holds after every batch of a phase.
 PHASES = {
     "untangle": "there are never more inverted elements than in the input",
+    "morph": "no element is inverted or degenerate after any substep",
     "relax": "the quality vector never decreases in the paper's ordering, so neither does Q1",
     "patches": "the quality vector never decreases in the paper's ordering, so neither does Q1",
     "polish": "Q1 stays at or above the floor, and that of the input; other components may decrease",

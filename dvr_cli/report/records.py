@@ -75,13 +75,15 @@ class QualityReport:
 
 @dataclass(frozen=True)
 class SmoothReport:
-    """The report of ``dvr smooth``: qualities before and after, each sweep, and how it was run.
+    """The report of a command that moves vertices: qualities before and after, sweeps, how it was run.
 
     phases: "relax", if asked for with "untangle" before it, "patches" and "polish" after it: for each what it
         guarantees, how many sweeps it took, why it stopped; for polishing the floor, below which no quality
         fell that was not below it before; for untangling its rounds (free vertices, elements inverted or
         degenerate after each, seconds) and what is left of these in the result (elements), with a corner
         whose vertices are all held (hopeless) or else near held facets that cross each other (crossing).
+        Of ``dvr morph`` only "morph": what part of the displacement was made (fraction), and its substeps:
+        the fraction after each, Q1 before and after relaxing (q1_before, q1), how many sweeps that took.
     sweeps: for each its number from 1 (sweep), its phase, Q1 after it (q1), vertices moved, seconds taken,
         when polishing the mean quality of the corners with a relaxed vertex (mean, else null), and if a
         picture was asked for the mean quality of all elements (elements_mean).
@@ -111,6 +113,11 @@ class SmoothReport:
     def untangling(self) -> dict[str, Any] | None:
         """The phase of untangling, None if it was not asked for."""
         return self.phases[0] if self.phases[0]["phase"] == "untangle" else None
+
+    @property
+    def morphing(self) -> dict[str, Any] | None:
+        """The phase of morphing, None if it was not asked for."""
+        return self.phases[0] if self.phases[0]["phase"] == "morph" else None
 
     def record(self, path: str | None = None, source: str | None = None) -> dict[str, Any]:
         """The report as JSON-ready data, schema dvr.smooth/1; ``quality`` is that of the result.

@@ -43,7 +43,7 @@ def quality_text(report: QualityReport, path: str, bar: str = "#", width: int = 
 
 
 def smooth_text(report: SmoothReport, source: str, output: str, width: int | None = None) -> str:
-    """The summary of a run of ``dvr smooth``: before and after, why it stopped, and what to know besides.
+    """The summary of a run that moved vertices: before and after, why it stopped, what to know besides.
 
     width: columns to keep to, paths aside; None for no bound.
     """
@@ -55,6 +55,7 @@ def smooth_text(report: SmoothReport, source: str, output: str, width: int | Non
         f"{report.seconds:.3f} s",
         *_side_by_side(report.before, report.after, mesh.dimension),
         *_untangled(report),
+        *_morphed(report),
         *([] if report.untangling and not report.options["max_iterations"] else [_why_stopped(report)]),
         *_polished(report),
         *_boundary(report.boundary),
@@ -146,6 +147,14 @@ def _untangled(report: SmoothReport) -> list[str]:
         "interrupted": "ended early",
     }[report.untangling["stopped_because"]]
     return [f"untangled in {_count(len(rounds), 'round')}, {seconds:.3f} s: {end}"]
+
+
+def _morphed(report: SmoothReport) -> list[str]:
+    """How much of a displacement was made."""
+    if report.morphing is None:
+        return []
+    part, substeps = report.morphing["fraction"], len(report.morphing["substeps"])
+    return [f"{100 * part:.4g} % of the displacement made in {_count(substeps, 'substep')}"]
 
 
 def _left(report: SmoothReport) -> list[str]:

@@ -30,6 +30,10 @@ from dvr_cli.relax.schedule import ORDERS
         (["report", "compare", "IN", "IN", "--plot", "p"], "p"),
         (["report", "quality", "IN", "--fail-below", "nan"], "--fail-below"),
         (["report", "quality", "IN", "--input-format", "cuneiform"], "cuneiform"),
+        (["morph"], "IN"),
+        (["morph", "IN"], "OUT"),
+        (["morph", "IN", "OUT"], "--displacement"),
+        (["morph", "IN", "OUT", "--displacement", "d.npy", "--near", "-1"], "--near"),
         (["smooth"], "IN"),
         (["smooth", "IN"], "OUT"),
         (["smooth", "IN", "OUT", "more.msh"], "more.msh"),
@@ -172,7 +176,8 @@ def test_help(dvr, arguments):
 
 
 @pytest.mark.parametrize(
-    "arguments", [["smooth"], ["untangle"], ["report"], ["report", "quality"], ["report", "compare"]]
+    "arguments",
+    [["smooth"], ["untangle"], ["morph"], ["report"], ["report", "quality"], ["report", "compare"]],
 )
 def test_help_of_commands(dvr, arguments):
     result = dvr(*arguments, "--help")
@@ -219,6 +224,35 @@ SMOOTH = {
     "--verbose": [],
     "--debug": [],
 }
+MORPH = {
+    "--displacement": ["{folder}/d.csv"],
+    "--near": ["1"],
+    **{
+        name: SMOOTH[name]
+        for name in (
+            "--directions",
+            "--center",
+            "--axis",
+            "--max-iterations",
+            "--tol",
+            "--patience",
+            "--target",
+            "--order",
+            "--seed",
+            "--engine",
+            "--threads",
+            "--straighten",
+            "--report",
+            "--no-report",
+            "--input-format",
+            "--output-format",
+            "--fail-below",
+            "--quiet",
+            "--verbose",
+            "--debug",
+        )
+    },
+}
 UNTANGLE = {
     "--boundary": ["slide"],
     "--fix": ["1"],
@@ -248,16 +282,24 @@ COMPARE = {"--json": [], "--plot": ["{folder}/c.pdf"], "--input-format": ["gmsh"
 
 @pytest.mark.parametrize(
     ("command", "options"),
-    [("smooth", SMOOTH), ("untangle", UNTANGLE), ("report quality", QUALITY), ("report compare", COMPARE)],
-    ids=["smooth", "untangle", "quality", "compare"],
+    [
+        ("smooth", SMOOTH),
+        ("untangle", UNTANGLE),
+        ("morph", MORPH),
+        ("report quality", QUALITY),
+        ("report compare", COMPARE),
+    ],
+    ids=["smooth", "untangle", "morph", "quality", "compare"],
 )
 def test_every_option_in_the_help_works(dvr, tmp_path, command, options):
     tags = [np.ones(4, dtype=int)]
     source = fan(tmp_path / "in.msh", cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags})
     (tmp_path / "v.txt").write_text("4\n")
+    np.savetxt(tmp_path / "d.csv", np.zeros((5, 3)), delimiter=",")
     paths = {
         "smooth": [source, tmp_path / "out.msh"],
         "untangle": [source, tmp_path / "out.msh"],
+        "morph": [source, tmp_path / "out.msh", "--displacement", tmp_path / "d.csv"],
         "report quality": [source],
         "report compare": [source, source],
     }[command]

@@ -1,0 +1,251 @@
+"""Moving boundaries: a mesh relaxed again and again while its boundary moves (paper sections 5.2 to 5.4).
+
+What depends on the connectivity alone - domain, rings, schedule, engine - is set up once. Each step then
+costs its sweeps and little else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dvr_cli.api.options import Directions, SmoothOptions
+from dvr_cli.api.smoothing import worse
+from dvr_cli.errors import InputError, UsageError
+from dvr_cli.mesh.convert import as_mesh
+from dvr_cli.mesh.domain import check_coordinates, domain_of
+from dvr_cli.mesh.freedom import interior_freedom
+from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.mesh.neighbours import within_rings
+from dvr_cli.relax.choice import checked_threads, chosen_engine, make_engine
+from dvr_cli.relax.directions import direction_field, restricted
+from dvr_cli.relax.engine import Engine
+from dvr_cli.relax.problem import build_problem
+from dvr_cli.relax.stopping import Stopping
+from dvr_cli.relax.sweeps import Sweep, relax
+from dvr_cli.report.quality import measure
+
+if TYPE_CHECKING:
+    import meshio
+
+
+@dataclass(frozen=True)
+class RelaxReport:
+    """What one step did.
+
+    q1_before: Q1 with the boundary moved, before any relaxing; q1_after: in the end. None if nothing relaxed.
+    relaxed: how many vertices could move. sweeps, stopped_because: as in the report of ``smooth``.
+    """
+
+    q1_before: float | None
+    q1_after: float | None
+    relaxed: int
+    sweeps: list[Sweep]
+    stopped_because: str
+
+
+class Relaxer:
+    """Relaxes one mesh at many instants: for time stepping with a boundary that moves.
+
+    points: (N, 2|3) copy of the coordinates reached. held: (N,) bool, the vertices whose places are given:
+    those on the boundary, on interfaces and of embedded cells.
+
+    >>> import numpy as np, dvr_cli
+    >>> points = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5]])
+    >>> triangles = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+    >>> relaxer = dvr_cli.Relaxer(points, {"triangle": triangles}, directions="axis")
+    >>> to_the_right = np.zeros((5, 2))
+    >>> to_the_right[[1, 2], 0] = 0.25
+    >>> for _ in range(4):
+    ...     points, report = relaxer.relax(displacement=to_the_right)
+    >>> points.round(3).tolist()
+    [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0], [1.0, 0.5]]
+    """
+
+    def __init__(
+        self,
+        mesh: meshio.Mesh | np.ndarray,
+        cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None = None,
+        *,
+        directions: Directions = "random",
+        center: Sequence[float] | None = None,
+        axis: Sequence[float] | None = None,
+        max_iterations: int = 100,
+        tol: float = 1e-3,
+        patience: int = 3,
+        target: float | None = None,
+        time_limit: float | None = None,
+        order: str = "coloured",
+        seed: int = 0,
+        straighten: bool = False,
+        engine: str = "auto",
+        threads: int | None = None,
+    ) -> None:
+        """Set up a mesh given as to ``dvr_cli.smooth``, with the same options and errors.
+
+        The first mesh settles which cells are stored inside out, the plane of a planar mesh, and the coloured
+        order: ``relax(points)`` gives what ``smooth(points, ...)`` would, to the last bit if ``points`` are
+        the first ones or the order is natural or shuffled.
+        """
+        options = SmoothOptions(
+            directions=directions,
+            center=center,
+            axis=axis,
+            order=order,
+            seed=seed,
+            straighten=straighten,
+            engine=engine,
+            threads=threads,
+            stopping=Stopping(max_iterations, tol, patience, target, time_limit),
+        )
+        self._prepare(as_mesh(mesh, cells), options)
+
+    @classmethod
+    def of(cls, mesh: Mesh, options: SmoothOptions) -> Relaxer:
+        """The relaxer of a Mesh."""
+        relaxer = cls.__new__(cls)
+        relaxer._prepare(mesh, options)
+        return relaxer
+
+    def _prepare(self, mesh: Mesh, options: SmoothOptions) -> None:
+        mesh = replace(mesh, points=mesh.points.copy())  # what is kept must not change with the caller's
+        self.engine_name = chosen_engine(options.engine, len(mesh.points), options.stopping.max_iterations)
+        self.threads = checked_threads(options.threads) if self.engine_name == "numba" else 1
+        self._options = options
+        self._point_data = mesh.point_data
+        self.domain = domain_of(mesh, options.straighten, compiled=self.engine_name == "numba")
+        if self.domain.is_surface:
+            raise InputError("a surface in space cannot be followed; planar and volume meshes can")
+        self.points = mesh.points.copy()
+        self.held = ~self.domain.interior
+        self._carried = np.zeros(len(mesh.points), dtype=bool)
+        if self.domain.mids is not None:
+            self._carried[self.domain.mids.nodes] = True
+        self._used = np.zeros(len(mesh.points), dtype=bool)
+        self._used[self.domain.corners.vertices] = True
+        self._engine: Engine | None = None
+        self._engine_moves = np.empty(0, dtype=bool)  # which vertices it relaxes
+
+    def relax(
+        self,
+        points: np.ndarray | None = None,
+        *,
+        displacement: np.ndarray | None = None,
+        near: int | None = None,
+    ) -> tuple[np.ndarray, RelaxReport]:
+        """Relax the mesh at its next instant; returns its new points (N, 2|3) and a report.
+
+        points: where all vertices are now, of the shape of the first points; default: where the last step
+            left them.
+        displacement: (N, 2|3), by how much the held vertices move from there first; two components are x and
+            y of a planar mesh in space. Rows of other vertices are not looked at, those of nodes of
+            second-order cells neither: these follow their corners.
+        near: relax only vertices within that many rings of those that have moved since the last step.
+            Rings and schedule are set up again when these are others than before.
+
+        The quality never falls below that of the mesh with its boundary moved. Where moving it inverted
+        elements, vertices move to where all elements around them are positive, as ``smooth`` moves them;
+        ``report.q1_after`` tells whether all could.
+
+        Raises UsageError for arrays of wrong shape, InputError for coordinates that are not finite and for
+        points that leave the plane of a planar mesh.
+        """
+        points = self.points if points is None else self._checked(points, "points")
+        if displacement is not None:
+            points = self.displaced(points, points + self.shift(displacement))
+        chosen = None if near is None else self.near((points != self.points).any(axis=1), near)
+        moved, report = self.step(points, chosen)
+        self.points = moved.copy()
+        return moved, report
+
+    def shift(self, displacement: np.ndarray) -> np.ndarray:
+        """A displacement as (N, D), zero for the vertices whose rows are not looked at; see ``relax``."""
+        displacement = np.asarray(displacement)
+        flat, space = (len(self.points), 2), self.points.shape[1]
+        if displacement.shape == flat and space == 3 and self.domain.plane is not None:
+            displacement = np.pad(displacement, ((0, 0), (0, 1)))
+        displacement = self._checked(displacement, "displacement")
+        shift = np.where((self.held & ~self._carried)[:, None], displacement, 0.0)
+        bad = np.flatnonzero(~np.isfinite(shift).all(axis=1))
+        if len(bad):
+            raise InputError(f"the displacement of vertex {bad[0]} (counted from 0) is not finite")
+        return shift
+
+    def displaced(self, points: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """``points`` with the held vertices put to ``places`` (N, D); further nodes follow their corners."""
+        moved = np.where((self.held & ~self._carried)[:, None], places, points)
+        if self.domain.mids is not None:
+            self.domain.mids.carry(points, moved, self._options.straighten)
+        return moved
+
+    def near(self, moved: np.ndarray, rings: int) -> np.ndarray:
+        """(N,) bool: the vertices within that many rings of those marked in ``moved``."""
+        if rings < 0:
+            raise UsageError("near: must not be negative")
+        return within_rings(self.domain.cells, moved, rings)
+
+    def step(
+        self,
+        points: np.ndarray,
+        chosen: np.ndarray | None = None,
+        on_sweep: Callable[[Sweep], None] | None = None,
+        interrupted: Callable[[], bool] = lambda: False,
+    ) -> tuple[np.ndarray, RelaxReport]:
+        """Relax from ``points`` (N, D) the vertices marked in ``chosen`` ((N,) bool), by default all.
+
+        on_sweep, interrupted: see ``sweeps.relax``.
+        """
+        check_coordinates(points)
+        if self.domain.plane is not None and not self.domain.plane.holds(points[self._used]):
+            raise InputError(
+                "the points have left the plane of the mesh; planar meshes are relaxed in theirs"
+            )
+        options = self._options
+        domain = replace(
+            self.domain, points=np.ascontiguousarray(self.domain.flatten(points), dtype=np.float64)
+        )
+        interior = domain.interior if chosen is None else domain.interior & chosen
+        freedom = interior_freedom(interior, domain.dimension)
+        entries, data = options.entries, self._point_data
+        field = direction_field(entries, domain, data, options.seed, options.center, options.axis)
+        engine = self._engine_for(interior)
+        if not interior.any():
+            return points.copy(), RelaxReport(None, None, 0, [], "nothing-to-relax")
+        engine.load(domain.points)
+        q1_before = engine.q1()
+        outcome = relax(
+            engine, domain.points, restricted(field, freedom), options.stopping, on_sweep, interrupted
+        )
+        q1_after, stopped_because = engine.q1(), outcome.stopped_because
+        moved = domain.lift(points, outcome.points)
+        if domain.is_tilted:
+            relaxed = freedom.relaxed
+            if worse(measure(domain, moved, relaxed), measure(domain, points, relaxed)):
+                moved, q1_after, stopped_because = points.copy(), q1_before, "rounding"
+        return moved, RelaxReport(q1_before, q1_after, int(interior.sum()), outcome.sweeps, stopped_because)
+
+    def _engine_for(self, moves: np.ndarray) -> Engine:
+        """The engine that relaxes the vertices marked in ``moves`` ((N,) bool): the last one if it does."""
+        if self._engine is None or not np.array_equal(self._engine_moves, moves):
+            domain, options = self.domain, self._options
+            problem = build_problem(
+                domain.corners,
+                np.flatnonzero(moves),
+                domain.points,
+                options.order,
+                options.seed,
+                domain.compiled,
+            )
+            self._engine = make_engine(self.engine_name, problem, self.threads)
+            self._engine_moves = moves
+        return self._engine
+
+    def _checked(self, values: np.ndarray, name: str) -> np.ndarray:
+        """``values`` as (N, D) float64; UsageError that calls them ``name`` for another shape."""
+        array = np.asarray(values)
+        if array.dtype.kind not in "fiub" or array.shape != self.points.shape:
+            raise UsageError(f"{name}: numbers of shape {self.points.shape} are needed, not {array.shape}")
+        return array.astype(np.float64)
