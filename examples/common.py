@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from PIL import Image
 from scipy.spatial import Delaunay
 
 import dvr_cli
@@ -151,7 +153,9 @@ def draw_runs(runs: dict[str, HexagonRun]) -> Figure:
 
 
 def save(figure: Figure, name: str) -> None:
-    """Write figures/NAME.png."""
+    """Write figures/NAME.png, in few colours so that it is small."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=90)
     FIGURES.mkdir(exist_ok=True)
-    figure.savefig(FIGURES / f"{name}.png", dpi=90)
+    Image.open(buffer).convert("RGB").quantize(96).save(FIGURES / f"{name}.png", optimize=True)
     print(f"figures/{name}.png")
