@@ -56,10 +56,13 @@ def test_the_bytes_are_those_of_smooth_at_every_instant(kind, engine):
         assert (relaxed != points).any()
 
 
-@pytest.mark.parametrize("order", ["coloured", "shuffled"])
-def test_the_bytes_are_those_of_smooth_from_the_first_points(order):
-    mesh = random_mesh("tetra", 1, n=4)
-    options = {"order": order, "seed": 5, "directions": "axis", "tol": 1e-2}
+@pytest.mark.parametrize(
+    ("order", "directions"),
+    [("coloured", "axis"), ("shuffled", "axis"), ("coloured", "steepest"), ("natural", "optimal")],
+)
+def test_the_bytes_are_those_of_smooth_from_the_first_points(order, directions):
+    mesh = random_mesh("tetra", 1, n=3)
+    options = {"order": order, "seed": 5, "directions": directions, "tol": 1e-2}
     expected, _ = dvr_cli.smooth(mesh.points, pairs(mesh), **options)
     relaxer = dvr_cli.Relaxer(mesh.points, pairs(mesh), **options)
     assert relaxer.relax()[0].tobytes() == expected.tobytes()
@@ -79,7 +82,11 @@ def test_engines_and_threads_agree():
 
 @pytest.mark.parametrize(
     "directions",
-    ["circumferential", "field:wind", np.array([[[1.0, 0.0]], [[1.0, 1.0]]]).repeat(217, axis=1)],
+    [
+        "circumferential",
+        "field:wind",
+        np.array([[[1.0, 0.0]], [[1.0, 1.0]]]).repeat(217, axis=1),
+    ],
 )
 def test_directions_are_those_of_the_instant(directions):
     """The centre is by default the centroid of the points, wherever they have gone."""
@@ -306,6 +313,12 @@ def test_wrong_options_and_meshes_are_refused_at_once():
         dvr_cli.Relaxer(mesh.points)
     with pytest.raises(InputError, match="does not exist"):
         dvr_cli.Relaxer(mesh.points[:5], pairs(mesh))
+
+
+def test_surfaces_in_space_are_refused():
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]])
+    with pytest.raises(InputError, match="surface"):
+        dvr_cli.Relaxer(points, {"triangle": np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])})
 
 
 def test_a_mesh_without_interior_vertices():

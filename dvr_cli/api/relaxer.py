@@ -87,8 +87,9 @@ class Relaxer:
         """Set up a mesh given as to ``dvr_cli.smooth``, with the same options and errors.
 
         The first mesh settles which cells are stored inside out, the plane of a planar mesh, and the coloured
-        order: ``relax(points)`` gives what ``smooth(points, ...)`` would, to the last bit if ``points`` are
-        the first ones or the order is natural or shuffled.
+        order. ``relax(points)`` gives what ``smooth(points, ...)`` would: to the last bit for the first
+        points, for others if the order is natural or shuffled. With the directions steepest and optimal it
+        may then differ, as their choice among near equals depends on a numbering that the first mesh settles.
         """
         options = SmoothOptions(
             directions=directions,

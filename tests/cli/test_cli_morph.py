@@ -7,6 +7,7 @@ import pytest
 
 import dvr_cli
 from cli_support import CORNERS, assert_one_line, fan, listing, points_of, read_json, write
+from dvr_cli.api import SmoothOptions, morph_mesh
 from dvr_cli.mesh.domain import domain_of
 from meshes import hexagon, random_mesh
 
@@ -102,6 +103,29 @@ def test_only_vertices_near_displaced_ones_are_relaxed_if_asked(dvr, turned, tmp
     report = read_json((tmp_path / "out.quality.json").read_text())
     assert 0 < report["relaxed"] < 10
     assert report["options"]["near"] == 2
+
+
+@pytest.mark.parametrize("after", [1, 20, 60, 400])
+def test_interrupted_it_ends_with_the_last_valid_mesh(after):
+    mesh = hexagon(4)
+    shift = turning(mesh.points, 100)[:, :2]
+    asked = 0
+
+    def interrupted():
+        nonlocal asked
+        asked += 1
+        return asked > after
+
+    options = SmoothOptions(directions="axis")
+    points, report = morph_mesh(mesh, shift, options, interrupted=interrupted)
+    (phase,) = report.phases
+    assert 0 <= phase["fraction"] < 1
+    assert report.stopped_because == phase["stopped_because"] == "interrupted"
+    assert (phase["fraction"] > 0) == (after >= 60) == bool(phase["substeps"])
+    boundary = ~domain_of(mesh).interior
+    expected = mesh.points + phase["fraction"] * shift
+    assert np.array_equal(points[boundary], expected[boundary])
+    assert report.after.minimum > 0
 
 
 # --------------------------------------------------------------------------------------------- what cannot be
