@@ -22,6 +22,8 @@ SAMPLES = Path(__file__).parents[1] / "sample_meshes"
 BEFORE, AFTER, OTHER, BAND = "#b35900", "#00306f", "#8a8a8a", "#9db4d6"  # told apart without colour, too
 SHADES = matplotlib.colormaps["cividis"]
 
+SWEEPS = {"patches": False, "polish": False}  # the paper's relaxation, and nothing after it
+
 Cells = dict[str, np.ndarray]
 
 
@@ -68,7 +70,14 @@ class HexagonRun:
 def relaxed_hexagon(points: np.ndarray, cells: Cells, directions: str, sweeps: int = 150) -> HexagonRun:
     """Relax a hexagon until Q1 is 0.95, for so many sweeps at most."""
     after, report = dvr_cli.smooth(
-        points, cells, directions=directions, center=(0, 0), target=0.95, tol=0, max_iterations=sweeps
+        points,
+        cells,
+        directions=directions,
+        center=(0, 0),
+        target=0.95,
+        tol=0,
+        max_iterations=sweeps,
+        **SWEEPS,
     )
     q1 = np.array([report.before.q1, *(sweep["q1"] for sweep in report.sweeps)])
     return HexagonRun(cells["triangle"], points, after, q1, (report.before.vector, report.after.vector))

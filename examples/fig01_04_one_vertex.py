@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import dvr_cli
-from common import AFTER, BEFORE, OTHER, new_figure, save, triangle_quality
+from common import AFTER, BEFORE, OTHER, SWEEPS, new_figure, save, triangle_quality
 from dvr_cli.mesh.corners import corners_of
 from dvr_cli.mesh.mesh import Cells
 from dvr_cli.relax.numpy_engine import NumpyEngine
@@ -58,7 +58,7 @@ def experiment(small: bool = False) -> dict[str, Move]:
     """The two moves of Fig. 1, first up or down, then sideways, and those of Fig. 4; small is the same."""
     up, right = np.array([0.0, 1.0]), np.array([1.0, 0.0])
     first = moved_first(SQUARE, FOUR, up)
-    halfway, _ = dvr_cli.smooth(SQUARE, {"triangle": FOUR}, directions="y", max_iterations=1)
+    halfway, _ = dvr_cli.smooth(SQUARE, {"triangle": FOUR}, directions="y", max_iterations=1, **SWEEPS)
     second = moved_first(halfway, FOUR, right)
     inclined = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6)])
     pair = {"Fig. 4a": moved_first(PAIR, TWO, up), "Fig. 4b": moved_first(PAIR, TWO, inclined)}

@@ -45,11 +45,10 @@ class Result:
 def experiment(small: bool = False) -> Result:
     """100 trials (small: 4), each with random directions of its own."""
     points, cells = random_mesh(99, 2, SEED)
-    options = {"order": "natural", "tol": 0}
-    halfway, _ = dvr_cli.smooth(points, cells, max_iterations=10, **options)
+    halfway, _ = dvr_cli.smooth(points, cells, max_iterations=10, preset="paper")
     states, vectors, trials = {0: points, 10: halfway}, {}, []
     for trial in range(4 if small else 100):
-        relaxed, report = dvr_cli.smooth(points, cells, seed=trial, max_iterations=50, **options)
+        relaxed, report = dvr_cli.smooth(points, cells, seed=trial, max_iterations=50, preset="paper")
         states.setdefault(50, relaxed)
         trials.append(report.after.vector)
     for sweeps, at in states.items():

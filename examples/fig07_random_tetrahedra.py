@@ -44,7 +44,7 @@ def experiment(small: bool = False) -> Result:
     before, other = (dvr_cli.quality_report(at, cells).quality for at in (points, smoothed))
     trials = []
     for trial in range(2 if small else 100):
-        _, report = dvr_cli.smooth(points, cells, order="natural", seed=trial, max_iterations=50, tol=0)
+        _, report = dvr_cli.smooth(points, cells, preset="paper", seed=trial, max_iterations=50)
         trials.append(report.after.vector)
     means = {"before": before.mean, "Laplacian": other.mean, "relaxed": report.after.mean}
     return Result(before.vector, other.vector, np.array(trials), means)

@@ -81,7 +81,7 @@ def experiment(small: bool = False) -> list[Improvement]:
     for name, (points, cells) in meshes.items():
         (block,) = cells.values()
         sweeps = 25 if block.shape[1] == 3 else 40
-        _, report = dvr_cli.smooth(points, cells, order="natural", max_iterations=sweeps, tol=0)
+        _, report = dvr_cli.smooth(points, cells, preset="paper", max_iterations=sweeps)
         vectors = report.before.vector, report.after.vector
         results.append(Improvement(name, len(block), report.relaxed, *vectors))
     return results

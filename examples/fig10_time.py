@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import dvr_cli
-from common import AFTER, BEFORE, new_figure, random_mesh, save
+from common import AFTER, BEFORE, SWEEPS, new_figure, random_mesh, save
 from dvr_cli.relax.choice import has_numba
 
 
@@ -32,8 +32,8 @@ def experiment(small: bool = False) -> list[Timing]:
     timings = []
     for n in sizes:
         points, cells = random_mesh(n, 3, 0)
-        options = {"engine": engine, "threads": 1, "tol": 0, "max_iterations": 12}
-        _, report = dvr_cli.smooth(points, cells, **options)
+        options = {"engine": engine, "threads": 1, "tol": 0, "max_iterations": 12, **SWEEPS}
+        _, report = dvr_cli.smooth(points, cells, directions="random", **options)
         relaxer = dvr_cli.Relaxer(points, cells)
         ring = np.bincount(cells["tetra"].ravel(), minlength=n)[~relaxer.held].mean()
         seconds = min(sweep["seconds"] for sweep in report.sweeps)

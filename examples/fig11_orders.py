@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import dvr_cli
-from common import AFTER, BEFORE, draw_band, draw_vector, new_figure, quality_axes, sample, save
+from common import AFTER, BEFORE, SWEEPS, draw_band, draw_vector, new_figure, quality_axes, sample, save
 
 
 @dataclass
@@ -28,7 +28,7 @@ def experiment(small: bool = False) -> list[Result]:
         points, cells = sample(name)
         # drawn once: with a seed for the order, random directions would change as well
         directions = np.random.default_rng(0).normal(size=(sweeps, *points.shape))
-        options = {"directions": directions, "max_iterations": sweeps, "tol": 0}
+        options = {"directions": directions, "max_iterations": sweeps, "tol": 0, **SWEEPS}
         _, natural = dvr_cli.smooth(points, cells, order="natural", **options)
         shuffled = [
             dvr_cli.smooth(points, cells, order="shuffled", seed=trial, **options)[1].after.vector

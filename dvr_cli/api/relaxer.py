@@ -86,10 +86,14 @@ class Relaxer:
     ) -> None:
         """Set up a mesh given as to ``dvr_cli.smooth``, with the same options and errors.
 
+        A step is a phase of sweeps alone, along random directions by default: patches and polishing, which
+        take longer than a step should, are left to ``smooth``.
+
         The first mesh settles which cells are stored inside out, the plane of a planar mesh, and the coloured
-        order. ``relax(points)`` gives what ``smooth(points, ...)`` would: to the last bit for the first
-        points, for others if the order is natural or shuffled. With the directions steepest and optimal it
-        may then differ, as their choice among near equals depends on a numbering that the first mesh settles.
+        order. ``relax(points)`` gives what ``smooth(points, ...)`` gives without these: to the last bit for
+        the first points, for others if the order is natural or shuffled. With the directions steepest and
+        optimal it may then differ, as their choice among near equals depends on a numbering that the first
+        mesh settles.
         """
         options = SmoothOptions(
             directions=directions,
@@ -100,6 +104,8 @@ class Relaxer:
             straighten=straighten,
             engine=engine,
             threads=threads,
+            patches=False,
+            polish=False,
             stopping=Stopping(max_iterations, tol, patience, target, time_limit),
         )
         self._prepare(as_mesh(mesh, cells), options)

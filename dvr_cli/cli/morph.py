@@ -89,6 +89,8 @@ def morph(
         straighten=straighten,
         engine=engine,
         threads=threads,
+        patches=False,
+        polish=False,
         stopping=Stopping(max_iterations, tol, patience, target),
     )
     shift = read_displacement(displacement)
