@@ -38,9 +38,9 @@ def morph_mesh(
 ) -> tuple[np.ndarray, SmoothReport]:
     """Displace the held vertices of a valid Mesh and relax the others; its new points (N, D) and the report.
 
-    displacement, near: see ``Relaxer.relax``. options: how to relax in each substep, in
-    sweeps alone. storage, on_sweep,
-    interrupted: see ``smooth_mesh``; interrupted, it returns the mesh of the last substep that left it valid.
+    displacement, near: see ``Relaxer.relax``. options: how to relax in each substep, in sweeps alone.
+    storage, on_sweep, interrupted: see ``smooth_mesh``; interrupted, it returns the mesh of the last substep
+    that left it valid.
 
     Raises InputError for a mesh that is not valid to begin with, and when even the smallest substep would
     leave elements inverted; OutputError if rounding in the storage would invert elements.

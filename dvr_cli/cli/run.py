@@ -24,6 +24,11 @@ _LONG = 5.0  # seconds of relaxing after which the compiled engine is worth a wo
 _REPORTS = (".json", ".csv", ".html")
 
 
+def is_page(report: Path | None) -> bool:
+    """Whether a report goes into a page with pictures."""
+    return report is not None and report.suffix.lower() == ".html"
+
+
 def run(
     source: Path,
     output: Path,
@@ -62,8 +67,7 @@ def run(
         check("--report", report, _REPORTS, [source, output])
     if plot is not None:
         check("--plot", plot, PICTURES, [source, output, report])
-    page = report is not None and report.suffix.lower() == ".html"
-    drawn = page or plot is not None
+    page = is_page(report)
 
     with Progress(quiet, verbose) as progress:
         progress.show(f"reading {source}")
@@ -77,7 +81,6 @@ def run(
                     storage=destination,
                     on_sweep=progress.sweep,
                     interrupted=lambda: interrupt.requested,
-                    means=drawn,
                 )
             progress.show(f"writing {output}")
             if quality_field:

@@ -36,7 +36,7 @@ from dvr_cli.cli.options import (
     number,
     quality_value,
 )
-from dvr_cli.cli.run import run
+from dvr_cli.cli.run import is_page, run
 
 
 def smooth(
@@ -184,7 +184,7 @@ def smooth(
     return run(
         source,
         output,
-        partial(smooth_mesh, options=options),
+        partial(smooth_mesh, options=options, means=plot is not None or is_page(report)),
         report=report,
         no_report=no_report,
         plot=plot,

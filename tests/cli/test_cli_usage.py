@@ -243,6 +243,8 @@ MORPH = {
             "--threads",
             "--straighten",
             "--report",
+            "--plot",
+            "--quality-field",
             "--no-report",
             "--input-format",
             "--output-format",
