@@ -15,6 +15,7 @@ def quality_table(report: QualityReport, path: str) -> str:
     """The report of ``dvr report quality`` on the mesh at ``path``, one line a figure."""
     said = remarks(report.quality)
     rows: list[tuple[str, ...]] = [("mesh", path), ("dimension", str(report.mesh.dimension))]
+    rows += [("surface", "yes")] if report.mesh.surface else []
     rows += [(name, str(count)) for name, count in counts(report)]
     rows += [
         (name, _exact(value), said.get(name, ""))

@@ -172,7 +172,7 @@ def test_a_signal_has_the_mesh_reached_written(tmp_path, cube, sent):
 
 @posix
 def test_the_second_ctrl_c_leaves_at_once(dvr, tmp_path, monkeypatch):
-    def relax_while_the_user_is_impatient(*_: object) -> None:
+    def relax_while_the_user_is_impatient(*_: object, **__: object) -> None:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)
         raise AssertionError("still here")
