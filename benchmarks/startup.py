@@ -17,6 +17,7 @@ def run(quick: bool) -> None:
     runs = 3 if quick else 10
     python = [sys.executable]
     dvr = [sys.executable, "-m", "dvr_cli"]
+    numpy = ["-q", "--engine", "numpy", "-d", "random"]
     with tempfile.TemporaryDirectory() as folder:
         tiny = _written(Path(folder) / "tiny.vtk", 100)
         thousand = _written(Path(folder) / "thousand.vtk", 1_000)
@@ -26,17 +27,10 @@ def run(quick: bool) -> None:
             "python -c 'import numpy'": [*python, "-c", "import numpy"],
             "python -c 'import meshio'": [*python, "-c", "import meshio"],
             "dvr --version": [*dvr, "--version"],
-            "dvr smooth, 100 vertices, numpy": [*dvr, "smooth", tiny, target, "-q", "--engine", "numpy"],
-            "dvr smooth, 1,000 vertices, numpy": [
-                *dvr,
-                "smooth",
-                thousand,
-                target,
-                "-q",
-                "--engine",
-                "numpy",
-            ],
-            "dvr smooth, 1,000 vertices, auto": [*dvr, "smooth", thousand, target, "-q"],
+            "dvr smooth -d random, 100 vertices, numpy": [*dvr, "smooth", tiny, target, *numpy],
+            "dvr smooth -d random, 1,000 vertices, numpy": [*dvr, "smooth", thousand, target, *numpy],
+            "dvr smooth, 100 vertices, default options": [*dvr, "smooth", tiny, target, "-q"],
+            "dvr smooth, 1,000 vertices, default options": [*dvr, "smooth", thousand, target, "-q"],
         }
         taken = {label: median_process(command, runs) for label, command in commands.items()}
     reference = taken["python -c pass"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -61,21 +62,21 @@ def _quality(case: Case, points: np.ndarray) -> list[object]:
 
 
 def _own_rows(case: Case) -> Iterator[list[object]]:
-    """dvr with random directions; the seconds are those of the whole call, set-up and reports too."""
+    """The sweeps of dvr and its default; the seconds are those of the whole call, set-up and reports too."""
     domain = case.domain
     warm_up(Mesh(domain.points, domain.cells), (fastest(), 1))
-    for sweeps in _SWEEPS:
+    runs: dict[tuple[str, int | str], dict[str, Any]] = {
+        (f"dvr -d random, {fastest()}", n): {"directions": "random", "max_iterations": n, "tol": 0.0}
+        for n in _SWEEPS
+    }
+    runs[(f"dvr, default options, {fastest()}", "")] = {}
+    dvr_cli.smooth(domain.points, {domain.cells[0].type: case.cells}, engine=fastest(), max_iterations=2)
+    for row, options in runs.items():
         begin = time.perf_counter()
-        points, _ = dvr_cli.smooth(
-            domain.points,
-            {domain.cells[0].type: case.cells},
-            engine=fastest(),
-            threads=1,
-            max_iterations=sweeps,
-            tol=0.0,
-        )
+        cells = {domain.cells[0].type: case.cells}
+        points, _ = dvr_cli.smooth(domain.points, cells, engine=fastest(), threads=1, **options)
         taken = time.perf_counter() - begin
-        yield [f"dvr, {fastest()}", sweeps, *_quality(case, points), taken]
+        yield [*row, *_quality(case, points), taken]
 
 
 def _rows(case: Case, tool: str) -> Iterator[list[object]]:

@@ -15,7 +15,7 @@ ENGINES = ("auto", "numpy", "numba")
 # (benchmarks/engines.py); runs converge in some twenty sweeps.
 _REPAYS = 100_000
 _USUAL_SWEEPS = 20
-_PATCHES = 1_000  # sweeps of NumPy that patches cost as much as
+_PATCHES = 650  # sweeps of NumPy that patches cost as much as
 
 
 def has_numba() -> bool:
