@@ -68,6 +68,8 @@ def relax(
         return Relaxation(points, [], "nothing-to-relax")
     begin = time.perf_counter()
     engine.load(points)
+    if (cut := cut_short(begin, stopping, interrupted)) is not None:  # untangling was ended early
+        return Relaxation(engine.points, [], cut)
     history = [_q1(engine, projection)]
     sweeps: list[Sweep] = []
     while (reason := stopping.reason(history, time.perf_counter() - begin)) is None:

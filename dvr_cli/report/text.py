@@ -56,7 +56,7 @@ def smooth_text(report: SmoothReport, source: str, output: str, width: int | Non
         *_side_by_side(report.before, report.after, mesh.dimension),
         *_untangled(report),
         *_morphed(report),
-        *([] if report.untangling and not report.options["max_iterations"] else [_why_stopped(report)]),
+        *_stopped(report),
         *_polished(report),
         *_boundary(report.boundary),
         *_limit(report.limited_by),
@@ -168,6 +168,14 @@ def _left(report: SmoothReport) -> list[str]:
     if count := report.untangling["left"]["crossing"]:
         lines.append(f"  {count} of them near held facets that cross each other")
     return lines
+
+
+def _stopped(report: SmoothReport) -> list[str]:
+    """Why it stopped; of untangling alone only what ended it early."""
+    alone = report.untangling is not None and not report.options["max_iterations"]
+    if alone and report.stopped_because not in ("interrupted", "time-limit"):
+        return []
+    return [_why_stopped(report)]
 
 
 def _why_stopped(report: SmoothReport) -> str:

@@ -5,12 +5,15 @@ import pytest
 
 import dvr_cli
 import oracle
+from dvr_cli.api import SmoothOptions, smooth_mesh
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.freedom import Freedom, interior_freedom
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality.mean_ratio import corner_qualities, element_qualities
 from dvr_cli.relax.energy import Energy
+from dvr_cli.relax.stopping import Stopping
 from dvr_cli.relax.untangle import hopeless, untangle
+from dvr_cli.report.text import smooth_text
 from meshes import KINDS, boxes_of, bump, delaunay, random_mesh, tangled, turned_hexagon
 
 
@@ -265,6 +268,16 @@ def test_the_time_limit_counts_for_both_stages():
     assert report.untangling["stopped_because"] == "interrupted"
     assert report.stopped_because == "time-limit"
     assert report.sweeps == []
+
+
+def test_untangling_alone_says_why_it_ended_early():
+    mesh, options = bump("triangle", 20), SmoothOptions(untangle=True, stopping=Stopping(max_iterations=0))
+    _, report = smooth_mesh(mesh, options, interrupted=lambda: True)
+    assert report.stopped_because == "interrupted"
+    assert "interrupted: the mesh reached by then was written" in smooth_text(report, "in", "out")
+    _, report = dvr_cli.untangle(mesh.points, cells_of(mesh), time_limit=0)
+    assert report.stopped_because == "time-limit"
+    assert "stopped: the time limit" in smooth_text(report, "in", "out")
 
 
 def test_results_repeat_on_either_engine():
