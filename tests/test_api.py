@@ -370,3 +370,9 @@ def test_polishing_that_would_lower_the_quality_vector_is_undone():
     assert not at_least(forced.after.vector, forced.before.vector)
     assert forced.after.q1 >= forced.before.q1
     assert forced.after.mean > report.after.mean
+
+
+@pytest.mark.parametrize("what", ["part.msh", [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], None])
+def test_what_is_no_mesh_is_refused(what):
+    with pytest.raises(UsageError, match=f"mesh: .* is needed, not a {type(what).__name__}"):
+        dvr_cli.smooth(what, {"triangle": np.array([[0, 1, 2]])})

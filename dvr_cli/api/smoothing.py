@@ -179,8 +179,8 @@ def _kept(
         after = measured(kept)
     if worse(after, before):
         raise OutputError(
-            f"rounding the coordinates as the output stores them would lower Q1 from {before.q1:.6g} to "
-            f"{after.q1:.6g}; choose a format with 64-bit coordinates"
+            f"rounding the coordinates as the output stores them would lower Q1 from {before.q1:.6g} by "
+            f"{before.q1 - after.q1:.2g}; choose a format with 64-bit coordinates"
         )
     return kept, after
 

@@ -50,9 +50,12 @@ def as_mesh(
 ) -> Mesh:
     """A Mesh from a ``meshio.Mesh``, or points (N, 2|3) and cells as {type: (n, k)} or such pairs.
 
-    Raises UsageError for points without cells or of another shape.
+    Raises UsageError for anything else, points without cells and points of another shape.
     """
     if not isinstance(mesh, np.ndarray):
+        if not hasattr(mesh, "points"):
+            kind = type(mesh).__name__
+            raise UsageError(f"mesh: a meshio.Mesh or a NumPy array of points is needed, not a {kind}")
         return from_meshio(mesh)
     if cells is None:
         raise UsageError("cells: needed when points are given")
