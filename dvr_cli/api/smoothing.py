@@ -178,9 +178,10 @@ def _kept(
         kept = storage.stored(points)
         after = measured(kept)
     if worse(after, before):
+        loss = (before.q1 or 0.0) - (after.q1 or 0.0)  # neither is None here
         raise OutputError(
             f"rounding the coordinates as the output stores them would lower Q1 from {before.q1:.6g} by "
-            f"{before.q1 - after.q1:.2g}; choose a format with 64-bit coordinates"
+            f"{loss:.2g}; choose a format with 64-bit coordinates"
         )
     return kept, after
 

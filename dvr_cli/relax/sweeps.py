@@ -68,8 +68,6 @@ def relax(
         return Relaxation(points, [], "nothing-to-relax")
     begin = time.perf_counter()
     engine.load(points)
-    if (cut := cut_short(begin, stopping, interrupted)) is not None:  # untangling was ended early
-        return Relaxation(engine.points, [], cut)
     history = [_q1(engine, projection)]
     sweeps: list[Sweep] = []
     while (reason := stopping.reason(history, time.perf_counter() - begin)) is None:
@@ -83,6 +81,8 @@ def relax(
         sweeps.append(Sweep(len(sweeps) + 1, "relax", history[-1], moved, time.perf_counter() - start))
         if on_sweep is not None:
             on_sweep(sweeps[-1])
+    if not sweeps:  # what ended untangling early is then the reason
+        reason = cut_short(begin, stopping, interrupted) or reason
     return Relaxation(engine.points, sweeps, reason)
 
 
