@@ -139,7 +139,7 @@ Axis = Annotated[
     ),
 ]
 MaxIterations = Annotated[
-    int, typer.Option("-n", "--max-iterations", min=0, metavar="N", help="Sweeps at most.")
+    int, typer.Option("-n", "--max-iterations", min=0, metavar="N", help="Sweeps of each phase at most.")
 ]
 Tol = Annotated[
     float,
