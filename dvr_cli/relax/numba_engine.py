@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,7 @@ class NumbaEngine(Engine):
             else (freedom.dimension == 1, freedom.axis)
         )
         self._directions = np.zeros((len(rings.vertices), problem.dimension))
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
 
     def _set(self, points: np.ndarray) -> None:
         self._points = np.ascontiguousarray(points)
@@ -88,4 +89,5 @@ class NumbaEngine(Engine):
         if self._pool is None or parts < 2:
             return [work(lo, hi)]
         cuts = np.linspace(lo, hi, parts + 1).astype(np.int64).tolist()
-        return list(self._pool.map(work, cuts[:-1], cuts[1:]))
+        others = [self._pool.submit(work, a, b) for a, b in pairwise(cuts[1:])]
+        return [work(*cuts[:2]), *(other.result() for other in others)]
