@@ -15,6 +15,15 @@ import dvr_cli
 from cli_support import DVR, assert_one_line, fan, listing, points_of, read_json
 from dvr_cli.cli.interrupt import Interrupt
 
+
+@pytest.fixture(autouse=True)
+def interruptible():
+    """A test run in the background of a shell is born with SIGINT ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 posix = pytest.mark.skipif(sys.platform == "win32", reason="signals and terminals of POSIX")
 
 
