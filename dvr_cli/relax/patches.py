@@ -148,7 +148,7 @@ def relax_patches(
     problem, begin = engine.problem, time.perf_counter()
     if not len(problem.relaxed):
         return Relaxation(engine.points, [], "nothing-to-relax")
-    state = _State(problem, engine.points)
+    state = _State(problem, engine.coordinates)
     compiled = engine.name == "numba"
     neighbourhoods = Neighbourhoods(problem, compiled)
     solve_patch = _solver(compiled)
@@ -175,7 +175,6 @@ def relax_patches(
             rounds.append(Sweep(number, "patches", state.q1, moved, seconds))
             if on_sweep is not None:
                 on_sweep(rounds[-1])
-    engine.load(state.in_mesh())
     return Relaxation(engine.points, rounds, reason)
 
 
@@ -191,12 +190,13 @@ def _solver(compiled: bool) -> Callable[..., tuple[float, float]]:
 
 
 class _State:
-    """The coordinates reached, the quality of each touched corner, and what has been tried around it."""
+    """What has been reached and tried: the engine's coordinates, changed in place, the quality of each
+    touched corner, and how many layers were freed around it.
+    """
 
     def __init__(self, problem: Problem, points: np.ndarray) -> None:
-        self._order, self._touched = problem.order, problem.touched
+        self._touched, self.points = problem.touched, points
         d = problem.dimension
-        self.points = np.ascontiguousarray(points[self._order], dtype=np.float64)
         self.slot = np.full(len(self.points), -1, dtype=np.int32)  # of freed vertices: number in their patch
         freedom = Freedom(np.full(len(self.points), d, dtype=np.uint8), np.zeros_like(self.points))
         if problem.freedom is not None:
@@ -247,9 +247,3 @@ class _State:
         self.layers[patches.seeds[~grown]] += 1
         self.layers[corners[np.repeat(grown, np.diff(patches.corner_start))]] = 1
         return int(np.diff(patches.freed_start)[badness[:, 1] < badness[:, 0]].sum())
-
-    def in_mesh(self) -> np.ndarray:
-        """(N, d) coordinates in the numbering of the mesh."""
-        points = np.empty_like(self.points)
-        points[self._order] = self.points
-        return points

@@ -331,3 +331,16 @@ def test_option_adds_a_phase():
 def test_the_papers_preset_has_no_patches():
     with pytest.raises(UsageError, match="patches"):
         SmoothOptions(preset="paper", patches=True)
+
+
+@pytest.mark.parametrize("engine", ["numpy", "numba"])
+def test_whoever_is_told_of_a_round_finds_the_mesh_it_reached(engine):
+    if engine == "numba":
+        require("numba")
+    mesh = random_mesh("tetra", 13)
+    stopping = Stopping(max_iterations=5, tol=0.0)
+    options = SmoothOptions("random", patches=True, stopping=stopping, engine=engine)
+    _, report = smooth_mesh(mesh, options, means=True)
+    sweeps, rounds = ([s for s in report.sweeps if s["phase"] == name] for name in ("relax", "patches"))
+    assert rounds[-1]["elements_mean"] == pytest.approx(report.after.mean, rel=1e-12)
+    assert rounds[-1]["elements_mean"] != sweeps[-1]["elements_mean"]
