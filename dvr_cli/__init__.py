@@ -8,12 +8,14 @@ Names are loaded when first used, so that importing the package costs nothing.
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from dvr_cli.api import Relaxer, compare, quality_report, smooth, untangle
+    from dvr_cli.api import compare, quality_report, smooth, untangle
+    from dvr_cli.api.relaxer import Relaxer
 
 __all__ = ["Relaxer", "compare", "quality_report", "smooth", "untangle"]
 
@@ -21,6 +23,5 @@ __all__ = ["Relaxer", "compare", "quality_report", "smooth", "untangle"]
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from dvr_cli import api
-
-    return getattr(api, name)
+    module = import_module("dvr_cli.api.relaxer" if name == "Relaxer" else "dvr_cli.api")
+    return getattr(module, name)

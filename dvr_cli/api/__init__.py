@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dvr_cli.api.morphing import morph_mesh as morph_mesh
 from dvr_cli.api.options import Directions, Names, SmoothOptions, Vertices
-from dvr_cli.api.relaxer import Relaxer as Relaxer
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.convert import as_mesh, from_meshio

@@ -80,7 +80,8 @@ def morph(
     hold for each. When no step down to 1/1024 keeps the mesh valid, nothing is written and the exit code
     is 3. Ctrl-C ends early with the last valid mesh.
     """
-    from dvr_cli.api import SmoothOptions, morph_mesh
+    from dvr_cli.api.morphing import morph_mesh
+    from dvr_cli.api.options import SmoothOptions
     from dvr_cli.files.arrays import read_displacement
     from dvr_cli.relax.stopping import Stopping
 

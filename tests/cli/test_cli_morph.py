@@ -7,7 +7,8 @@ import pytest
 
 import dvr_cli
 from cli_support import CORNERS, assert_one_line, fan, listing, points_of, read_json, write
-from dvr_cli.api import SmoothOptions, morph_mesh
+from dvr_cli.api.morphing import morph_mesh
+from dvr_cli.api.options import SmoothOptions
 from dvr_cli.mesh.domain import domain_of
 from meshes import hexagon, random_mesh
 
