@@ -22,8 +22,9 @@ from functools import partial
 import numpy as np
 
 from dvr_cli.mesh.corners import SHAPES, Corners
-from dvr_cli.mesh.csr import group, row_entries
+from dvr_cli.mesh.csr import row_entries
 from dvr_cli.mesh.freedom import Freedom
+from dvr_cli.mesh.rings import incidence_of
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.engine import Engine
 from dvr_cli.relax.problem import Problem
@@ -73,18 +74,9 @@ class Neighbourhoods:
         """problem: whose touched corners are meant. compiled: use compiled code; the result is the same."""
         self._compiled = compiled
         self._touched, self._vertices = problem.touched, problem.rings.vertices
-        number = np.full(len(problem.order), -1, dtype=np.int32)
-        number[self._vertices] = np.arange(len(self._vertices))
-        self._relaxed = number[self._touched.vertices]  # (C, d+1) relaxed vertices by number, or -1
-        position, self._start = self._group(self._relaxed.ravel())
-        self._incident = position // self._relaxed.shape[1]
-
-    def _group(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if self._compiled:
-            from dvr_cli.mesh import compiled as fast
-
-            return fast.group(numbers, len(self._vertices))
-        return group(numbers, len(self._vertices))
+        incidence = incidence_of(self._touched, self._vertices, len(problem.order), compiled)
+        self._relaxed = incidence.members  # (C, d+1) relaxed vertices by number, or -1
+        self._start, self._incident = incidence.start, incidence.corner
 
     def choose(self, seeds: np.ndarray, layers: np.ndarray) -> Patches:
         """The patches of the first ROUND of the corners ``seeds`` that share no corner with earlier ones.
