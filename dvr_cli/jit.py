@@ -15,9 +15,18 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 
 
-def compiled(function: _Function) -> _Function:
+def compiled(function: _Function, **options: Any) -> _Function:
     """``function`` compiled when first called; it may be a plain loop over arrays."""
+    options |= _OPTIONS
     try:
-        return njit(cache=True, **_OPTIONS)(function)
+        return njit(cache=True, **options)(function)
     except RuntimeError:  # no directory to keep the result in: compile it anew in every process
-        return njit(**_OPTIONS)(function)
+        return njit(**options)(function)
+
+
+def inlined(function: _Function) -> _Function:
+    """``function`` compiled into those that call it, for short ones called in loops.
+
+    A call proper counts references to each array it is given, which costs more than a few sums do.
+    """
+    return compiled(function, forceinline=True)

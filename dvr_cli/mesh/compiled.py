@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, inlined
 
 
 @compiled
@@ -19,14 +19,14 @@ def determinants(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     return result
 
 
-@compiled
+@inlined
 def determinant_2d(points: np.ndarray, corner: np.ndarray) -> float:
     """Determinant of the edges of one triangle (3,) from its first vertex."""
     x, p, q = points[corner[0]], points[corner[1]], points[corner[2]]
     return (p[0] - x[0]) * (q[1] - p[1]) + (p[1] - x[1]) * -(q[0] - p[0])
 
 
-@compiled
+@inlined
 def determinant_3d(points: np.ndarray, corner: np.ndarray) -> float:
     """Determinant of the edges of one tetrahedron (4,) from its first vertex."""
     x, p, q, r = points[corner[0]], points[corner[1]], points[corner[2]], points[corner[3]]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, inlined
 from dvr_cli.mesh.compiled import determinant_2d, determinant_3d
 
 
@@ -28,7 +28,7 @@ def corner_terms(
             v[c], s[c] = corner_terms_3d(points, vertices[c], norm, shapes[c, 0])
 
 
-@compiled
+@inlined
 def corner_terms_2d(points: np.ndarray, corner: np.ndarray, norm: np.ndarray, k: int) -> tuple[float, float]:
     """(v, s) of one corner of a planar cell with row k of the shape table."""
     x, p, q = points[corner[0]], points[corner[1]], points[corner[2]]
@@ -40,7 +40,7 @@ def corner_terms_2d(points: np.ndarray, corner: np.ndarray, norm: np.ndarray, k:
     return determinant_2d(points, corner), s
 
 
-@compiled
+@inlined
 def corner_terms_3d(points: np.ndarray, corner: np.ndarray, norm: np.ndarray, k: int) -> tuple[float, float]:
     """(v, s) of one corner of a volume cell with row k of the shape table."""
     x, p, q, r = points[corner[0]], points[corner[1]], points[corner[2]], points[corner[3]]

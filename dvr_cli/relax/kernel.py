@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, inlined
 from dvr_cli.relax.line import GAIN, MAX_NEWTON, MAX_ROUNDS, NEARLY_CROSSED, ROUNDING
 from dvr_cli.relax.ring_kernel import (
     BADNESS,
@@ -76,13 +76,13 @@ def relax_rings(
     return moved
 
 
-@compiled
+@inlined
 def _falling(lines: np.ndarray, c: int, at: float, d: int) -> bool:
     half = d * (lines[S1, c] + lines[S2, c] * at)
     return half * v_at(lines, c, at) - lines[V1, c] * s_at(lines, c, at) < 0
 
 
-@compiled
+@inlined
 def _maximise_minimum(lines: np.ndarray, n: int, d: int) -> tuple[float, float]:
     """(λ, largest badness at λ = 0); see ``line.maximise_minimum``."""
     low, high, low_corner, high_corner = -np.inf, np.inf, 0, 0
@@ -118,7 +118,7 @@ def _maximise_minimum(lines: np.ndarray, n: int, d: int) -> tuple[float, float]:
     return _exchange(lines, n, d, at, worst, low, high, low_corner, high_corner), worst_now
 
 
-@compiled
+@inlined
 def _inside(lines: np.ndarray, low: float, high: float, low_corner: int, high_corner: int) -> float:
     if high == np.inf and low > -np.inf:
         return low + np.sqrt(max(lines[S0, low_corner] / lines[S2, low_corner], 0.0))
@@ -129,7 +129,7 @@ def _inside(lines: np.ndarray, low: float, high: float, low_corner: int, high_co
     return 0.5 * (low + high)
 
 
-@compiled
+@inlined
 def _exchange(
     lines: np.ndarray,
     n: int,
@@ -162,7 +162,7 @@ def _exchange(
     return at
 
 
-@compiled
+@inlined
 def _lowest(lines: np.ndarray, c: int, d: int) -> float:
     v0, v1, s0, s1, s2 = lines[V0, c], lines[V1, c], lines[S0, c], lines[S1, c], lines[S2, c]
     p = (d - 1) * s2 * v1
@@ -174,7 +174,7 @@ def _lowest(lines: np.ndarray, c: int, d: int) -> float:
     return -2.0 * r / (q + root) if q > 0 else (root - q) / (2.0 * p)
 
 
-@compiled
+@inlined
 def _lower_envelope(
     lines: np.ndarray,
     a: int,
@@ -196,7 +196,7 @@ def _lower_envelope(
     return _crossing(lines, a, b, max(left, bottom_b), min(right, bottom_a), d)
 
 
-@compiled
+@inlined
 def _crossing(lines: np.ndarray, a: int, b: int, left: float, right: float, d: int) -> float:
     at = 0.5 * (left + right)
     for _ in range(MAX_NEWTON):
@@ -219,7 +219,7 @@ def _crossing(lines: np.ndarray, a: int, b: int, left: float, right: float, d: i
     return at
 
 
-@compiled
+@inlined
 def improves(before: float, after: float, d: int) -> bool:
     margin = 1.5 * d * GAIN + ROUNDING * (before if d == 2 else np.sqrt(before))
     certain = ROUNDING * (after if d == 2 else np.sqrt(after)) < 0.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, inlined
 from dvr_cli.relax.line import GAIN, ROUNDING
 from dvr_cli.relax.mean import CLOSE, CUBE_ROOT, INSIDE, MAX_CLIPS, MAX_STEPS, SUM_GAIN
 from dvr_cli.relax.ring_kernel import (
@@ -121,21 +121,21 @@ def mean_directions(
                 directions[ring, i] = -scratch[GRADIENT + i, total] / size
 
 
-@compiled
+@inlined
 def _put(points: np.ndarray, vertex: int, x0: float, x1: float, x2: float) -> None:
     points[vertex, 0], points[vertex, 1] = x0, x1
     if points.shape[1] == 3:
         points[vertex, 2] = x2
 
 
-@compiled
+@inlined
 def _keeps(before: float, after: float, largest: float, limit: float, d: int) -> bool:
     uncertain = ROUNDING * (largest if d == 2 else np.sqrt(largest))
     within = largest * (1.0 + (1.5 * d * GAIN + uncertain)) <= limit
     return uncertain < 0.5 and within and after < before * (1.0 - SUM_GAIN)
 
 
-@compiled
+@inlined
 def _set_powers(lines: np.ndarray, n: int, d: int, at: float) -> None:
     """v^(-2/d) of all corners at λ, into their row; see ``mean.inverse_power``."""
     if d == 2:
@@ -155,7 +155,7 @@ def _set_powers(lines: np.ndarray, n: int, d: int, at: float) -> None:
         lines[POWER, c] = y * y
 
 
-@compiled
+@inlined
 def _sum_of_inverses(lines: np.ndarray, n: int, d: int) -> float:
     """The sum of 1/Q at λ = 0."""
     _set_powers(lines, n, d, 0.0)
@@ -165,7 +165,7 @@ def _sum_of_inverses(lines: np.ndarray, n: int, d: int) -> float:
     return total
 
 
-@compiled
+@inlined
 def _bottom(lines: np.ndarray, n: int, d: int) -> float:
     low, high = -np.inf, np.inf
     for c in range(n):
@@ -190,7 +190,7 @@ def _bottom(lines: np.ndarray, n: int, d: int) -> float:
     return at
 
 
-@compiled
+@inlined
 def _derivatives(lines: np.ndarray, n: int, d: int, at: float) -> tuple[float, float]:
     q = 2.0 / d
     _set_powers(lines, n, d, at)
@@ -205,7 +205,7 @@ def _derivatives(lines: np.ndarray, n: int, d: int, at: float) -> tuple[float, f
     return slope, curvature
 
 
-@compiled
+@inlined
 def _clipped(lines: np.ndarray, n: int, d: int, at: float, limit: float) -> float:
     aim = limit * (1.0 - INSIDE)
     rate = aim if d == 2 else np.sqrt(aim)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, inlined
 from dvr_cli.relax.kernel import improves
 from dvr_cli.relax.patch_solver import (
     DECREASE,
@@ -226,7 +226,7 @@ def _descent(
             direction[i] = direction[i] + weight * steps[row, i]
 
 
-@compiled
+@inlined
 def _take(points: np.ndarray, moving: np.ndarray, values: np.ndarray) -> None:
     """Fill ``values`` with the coordinates of some vertices, end to end."""
     d = points.shape[1]
@@ -235,7 +235,7 @@ def _take(points: np.ndarray, moving: np.ndarray, values: np.ndarray) -> None:
             values[i * d + j] = points[moving[i], j]
 
 
-@compiled
+@inlined
 def _put(points: np.ndarray, moving: np.ndarray, values: np.ndarray) -> None:
     """Set the coordinates of some vertices."""
     d = points.shape[1]
@@ -244,7 +244,7 @@ def _put(points: np.ndarray, moving: np.ndarray, values: np.ndarray) -> None:
             points[moving[i], j] = values[i * d + j]
 
 
-@compiled
+@inlined
 def _dot(a: np.ndarray, b: np.ndarray, d: int) -> float:
     """See ``patch_solver._dot``."""
     t0, t1, t2 = 0.0, 0.0, 0.0
@@ -260,7 +260,7 @@ def _dot(a: np.ndarray, b: np.ndarray, d: int) -> float:
     return t0 + t1 + t2
 
 
-@compiled
+@inlined
 def _restrict(g: np.ndarray, moving: np.ndarray, dimension: np.ndarray, axis: np.ndarray) -> None:
     """See ``PatchEnergy.within_freedom``."""
     d = axis.shape[1]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import inlined
 
 # Rows of the scratch array, a column for each corner of a ring: the coordinates of the corner's other
 # vertices (three rows each, also in 2D), the normal of the facet they span, the corner's line, its badness;
@@ -22,7 +22,7 @@ ROWS = 35
 WIDTH = 8  # loops run over whole groups of columns; those beyond the ring hold leftovers nobody looks at
 
 
-@compiled
+@inlined
 def set_ring(
     points: np.ndarray,
     vertex: int,
@@ -52,7 +52,7 @@ def set_ring(
     return n
 
 
-@compiled
+@inlined
 def _set_shape(
     scratch: np.ndarray, c: int, k: int, norm: np.ndarray, slope: np.ndarray, curvature: np.ndarray
 ) -> None:
@@ -65,7 +65,7 @@ def _set_shape(
     scratch[CURVATURE, c] = curvature[k]
 
 
-@compiled
+@inlined
 def _set_lines_2d(
     points: np.ndarray,
     vertex: int,
@@ -99,7 +99,7 @@ def _set_lines_2d(
         scratch[S2, c] = scratch[CURVATURE, c] * dd
 
 
-@compiled
+@inlined
 def _set_lines_3d(
     points: np.ndarray,
     vertex: int,
@@ -150,7 +150,7 @@ def _set_lines_3d(
         scratch[S2, c] = scratch[CURVATURE, c] * dd
 
 
-@compiled
+@inlined
 def _norm_2d(e0: float, e1: float, f0: float, f1: float, scratch: np.ndarray, c: int) -> float:
     """s of the corner in column c with edges e and f; see ``mean_ratio.weighted_norm``."""
     s = scratch[NORM, c] * (e0 * e0 + e1 * e1)
@@ -158,7 +158,7 @@ def _norm_2d(e0: float, e1: float, f0: float, f1: float, scratch: np.ndarray, c:
     return s + scratch[NORM + 2, c] * (e0 * f0 + e1 * f1)
 
 
-@compiled
+@inlined
 def _norm_3d(
     e0: float,
     e1: float,
@@ -181,7 +181,7 @@ def _norm_3d(
     return s + scratch[NORM + 5, c] * (f0 * g0 + f1 * g1 + f2 * g2)
 
 
-@compiled
+@inlined
 def largest_badness_2d(x0: float, x1: float, n: int, scratch: np.ndarray) -> float:
     """The largest badness of a ring with its vertex at x."""
     for c in range(padded(n)):
@@ -192,7 +192,7 @@ def largest_badness_2d(x0: float, x1: float, n: int, scratch: np.ndarray) -> flo
     return scratch[BADNESS, first_largest(scratch, n)]
 
 
-@compiled
+@inlined
 def largest_badness_3d(x0: float, x1: float, x2: float, n: int, scratch: np.ndarray) -> float:
     """The largest badness of a ring with its vertex at x."""
     for c in range(padded(n)):
@@ -204,13 +204,13 @@ def largest_badness_3d(x0: float, x1: float, x2: float, n: int, scratch: np.ndar
     return scratch[BADNESS, first_largest(scratch, n)]
 
 
-@compiled
+@inlined
 def padded(n: int) -> int:
     """n rounded up to whole groups of WIDTH."""
     return (n + WIDTH - 1) // WIDTH * WIDTH
 
 
-@compiled
+@inlined
 def first_largest(scratch: np.ndarray, n: int) -> int:
     """The first corner with the largest badness in the scratch array."""
     worst, largest = 0, scratch[BADNESS, 0]
@@ -220,28 +220,28 @@ def first_largest(scratch: np.ndarray, n: int) -> int:
     return worst
 
 
-@compiled
+@inlined
 def badness(v: float, s: float, d: int) -> float:
     ratio = s / v if d == 2 else s * s * s / (v * v)
     return ratio if v > 0 else np.inf
 
 
-@compiled
+@inlined
 def v_at(lines: np.ndarray, c: int, at: float) -> float:
     return lines[V0, c] + lines[V1, c] * at
 
 
-@compiled
+@inlined
 def s_at(lines: np.ndarray, c: int, at: float) -> float:
     return lines[S0, c] + at * (2.0 * lines[S1, c] + lines[S2, c] * at)
 
 
-@compiled
+@inlined
 def badness_at(lines: np.ndarray, c: int, at: float, d: int) -> float:
     return badness(v_at(lines, c, at), s_at(lines, c, at), d)
 
 
-@compiled
+@inlined
 def worst_corner(lines: np.ndarray, n: int, at: float, d: int) -> int:
     """The first corner with the largest badness at λ; leaves the badness of all in their row."""
     for c in range(padded(n)):
@@ -249,7 +249,7 @@ def worst_corner(lines: np.ndarray, n: int, at: float, d: int) -> int:
     return first_largest(lines, n)
 
 
-@compiled
+@inlined
 def root(lines: np.ndarray, c: int, at: float, d: int) -> tuple[float, float, float]:
     s = s_at(lines, c, at)
     slope = 2.0 * (lines[S1, c] + lines[S2, c] * at)

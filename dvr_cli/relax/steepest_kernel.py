@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, inlined
 from dvr_cli.relax.ring_kernel import (
     ALONG,
     BADNESS,
@@ -72,7 +72,7 @@ def steepest_directions(
         _shortest_in_hull(directions, ring, begin, count, d, scratch)
 
 
-@compiled
+@inlined
 def gradient(points: np.ndarray, vertex: int, c: int, d: int, scratch: np.ndarray, to: int) -> None:
     """d/2 times the gradient of log 1/Q of the corner in column c, put into column ``to``."""
     for i in range(d):
@@ -83,7 +83,7 @@ def gradient(points: np.ndarray, vertex: int, c: int, d: int, scratch: np.ndarra
         scratch[GRADIENT + i, to] = scratch[NORMAL + i, c] / scratch[V0, c] - d * pull / scratch[S0, c]
 
 
-@compiled
+@inlined
 def _raising(c: int, d: int, scratch: np.ndarray, to: int) -> None:
     """The unit vector against which the determinant of column c grows, put into column ``to``."""
     size = scratch[NORMAL, c] * scratch[NORMAL, c]
@@ -94,7 +94,7 @@ def _raising(c: int, d: int, scratch: np.ndarray, to: int) -> None:
         scratch[GRADIENT + i, to] = scratch[NORMAL + i, c] / size
 
 
-@compiled
+@inlined
 def restrict(on_line: bool, axis: np.ndarray, ring: int, d: int, scratch: np.ndarray, k: int) -> None:
     """Leave of the gradient in column k the part that the ring's vertex is free to follow."""
     along = scratch[GRADIENT, k] * axis[ring, 0]
@@ -105,7 +105,7 @@ def restrict(on_line: bool, axis: np.ndarray, ring: int, d: int, scratch: np.nda
         scratch[GRADIENT + i, k] = part if on_line else scratch[GRADIENT + i, k] - part
 
 
-@compiled
+@inlined
 def _shortest_in_hull(
     directions: np.ndarray, row: int, first: int, n: int, d: int, scratch: np.ndarray
 ) -> None:
@@ -154,7 +154,7 @@ def _shortest_in_hull(
         directions[row, i] = 0.0
 
 
-@compiled
+@inlined
 def _size(scratch: np.ndarray, k: int, d: int) -> float:
     """Squared length of the gradient in column k."""
     size = scratch[GRADIENT, k] * scratch[GRADIENT, k]
@@ -163,7 +163,7 @@ def _size(scratch: np.ndarray, k: int, d: int) -> float:
     return size
 
 
-@compiled
+@inlined
 def _length(vectors: np.ndarray, row: int, d: int) -> float:
     """Squared length of a row."""
     length = vectors[row, 0] * vectors[row, 0]
