@@ -197,8 +197,8 @@ def _lower_envelope(
 
 
 @inlined
-def _crossing(lines: np.ndarray, a: int, b: int, left: float, right: float, d: int) -> float:
-    at = 0.5 * (left + right)
+def _crossing(lines: np.ndarray, a: int, b: int, above: float, below: float, d: int) -> float:
+    at = 0.5 * (above + below)
     for _ in range(MAX_NEWTON):
         va, ta, dta = root(lines, a, at, d)
         vb, tb, dtb = root(lines, b, at, d)
@@ -206,15 +206,15 @@ def _crossing(lines: np.ndarray, a: int, b: int, left: float, right: float, d: i
         h = one - other
         dh = (dta * vb + ta * lines[V1, b]) - (dtb * va + tb * lines[V1, a])
         if h > 0:
-            left = at
+            above = at
         else:
-            right = at
+            below = at
         newton = at - h / dh
-        inside = left < newton < right
+        inside = (newton - above) * (newton - below) < 0
         if abs(h) <= NEARLY_CROSSED * one:
             return newton if inside else at
-        at = newton if inside else 0.5 * (left + right)
-        if not left < at < right:
+        at = newton if inside else 0.5 * (above + below)
+        if not (at - above) * (at - below) < 0:
             break
     return at
 

@@ -252,33 +252,34 @@ def _lower_envelope(two: Lines, left: np.ndarray, right: np.ndarray) -> np.ndarr
     result = np.where(no_a, bottom[1], np.where(at_a, bottom[0], bottom[1]))
     cross = np.flatnonzero(~(at_a | at_b))
     if len(cross):
-        start = np.maximum(left, bottom[1])[cross]
-        end = np.minimum(right, bottom[0])[cross]
-        result[cross] = _crossing(two.taken(cross), start, end)
+        above = np.maximum(left, bottom[1])[cross]
+        below = np.minimum(right, bottom[0])[cross]
+        result[cross] = _crossing(two.taken(cross), above, below)
     return result
 
 
-def _crossing(two: Lines, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """The λ in [left, right] where corner a, falling, and corner b, rising, are equally bad.
+def _crossing(two: Lines, above: np.ndarray, below: np.ndarray) -> np.ndarray:
+    """A λ at which a and b are equally bad, between ``above``, where a is worse, and ``below``, where b is.
 
+    Usually ``above`` is left of ``below``; it is not where both have their lowest points between crossings.
     two: the lines of a and b, (2, n) each. Newton's method on h = t_a v_b - t_b v_a, whose sign is that of
     B_a - B_b, kept inside a shrinking bracket by bisection.
     """
-    result, which = np.empty(len(left)), np.arange(len(left))
-    at, active = 0.5 * (left + right), np.ones(len(left), dtype=bool)
+    result, which = np.empty(len(above)), np.arange(len(above))
+    at, active = 0.5 * (above + below), np.ones(len(above), dtype=bool)
     for _ in range(MAX_NEWTON):
         v, t, dt = two.root(at)
         one, other = t * v[::-1]
         dh_one, dh_other = dt * v[::-1] + t * two.v1[::-1]
         h, dh = one - other, dh_one - dh_other
-        above = h > 0
-        left, right = np.where(above, at, left), np.where(above, right, at)
+        positive = h > 0
+        above, below = np.where(positive, at, above), np.where(positive, below, at)
         newton = at - h / dh
-        inside = (newton > left) & (newton < right)
+        inside = (newton - above) * (newton - below) < 0
         near = np.abs(h) <= NEARLY_CROSSED * one
-        after = np.where(inside, newton, np.where(near, at, 0.5 * (left + right)))
+        after = np.where(inside, newton, np.where(near, at, 0.5 * (above + below)))
         at = np.where(active, after, at)
-        active &= ~near & (at > left) & (at < right)
+        active &= ~near & ((at - above) * (at - below) < 0)
         n = np.count_nonzero(active)
         if not n:
             break
@@ -286,7 +287,7 @@ def _crossing(two: Lines, left: np.ndarray, right: np.ndarray) -> np.ndarray:
             result[which] = at
             keep = np.flatnonzero(active)
             two, active = two.taken(keep), active[keep]
-            which, at, left, right = which[keep], at[keep], left[keep], right[keep]
+            which, at, above, below = which[keep], at[keep], above[keep], below[keep]
     result[which] = at
     return result
 

@@ -1,11 +1,18 @@
 """The line problem against the paper's Algorithm 2 by polynomial roots, on thousands of random rings."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 import oracle
 from dvr_cli.mesh.corners import ORIGIN_FIRST, target_matrix
+from dvr_cli.mesh.domain import domain_of
+from dvr_cli.relax.directions import random_field
 from dvr_cli.relax.line import Lines, badness, coefficients, improves, maximise_minimum
+from dvr_cli.relax.numpy_engine import NumpyEngine
+from dvr_cli.relax.problem import build_problem
+from meshes import delaunay
 
 KINDS = [
     "2d",
@@ -21,6 +28,7 @@ KINDS = [
     "tangled_solvable",
 ]
 TRIALS = 200
+GOLDEN = (5**0.5 - 1) / 2
 
 
 def lines_of(ring, x, direction):
@@ -115,3 +123,60 @@ def test_a_gain_within_rounding_is_no_gain():
     after = np.array([8.0, 8.0 * (1 - 1e-12), 8.0 * (1 - 1e-11), 8.0, np.inf, 1e26, 0.99e24])
     expected = [False, False, True, True, False, False, False]
     assert improves(before, after, 3).tolist() == expected
+
+
+def test_no_point_of_its_line_is_better_for_any_vertex_of_a_triangulation():
+    # in one update of a thousand the corners that decide cross three times, and the middle crossing counts
+    mesh = delaunay(3000, 2, 3)
+    domain = domain_of(mesh)
+    problem = build_problem(domain.corners, np.flatnonzero(domain.interior), domain.points)
+    engine = NumpyEngine(problem)
+    engine.load(domain.points)
+    triangles = mesh.cells[0].vertices
+    around = [np.flatnonzero((triangles == vertex).any(axis=1)) for vertex in problem.relaxed]
+    most = max(map(len, around))
+    around = triangles[[np.resize(ring, most) for ring in around]]  # short rings repeat their triangles
+    updates = 0
+    for sweep in range(4):
+        directions = random_field(2, 3000, 0)(sweep, engine.relaxed_points, problem.relaxed)
+        for batch, (lo, hi) in enumerate(pairwise(problem.batch_start)):
+            ring, vertices = around[lo:hi], problem.relaxed[lo:hi]
+            best = highest_minima(engine.points[ring], ring == vertices[:, None, None], directions[lo:hi])
+            engine.relax_batch(batch, directions)
+            reached = triangle_qualities(engine.points[ring]).min(axis=1)
+            assert (reached >= best - 1e-9).all()
+            updates += hi - lo
+    assert updates > 10000
+
+
+def highest_minima(corners, own, directions):
+    """The best minimum quality of each ring as its vertex moves along its line, by golden section search.
+
+    corners: (n, K, 3, 2); own: (n, K, 3) bool, which of them is the ring's vertex; directions: (n, 2).
+    """
+
+    def moved(step):
+        return corners + own[..., None] * (step[:, None] * directions)[:, None, None, :]
+
+    none = np.zeros(len(corners))
+    v0 = areas(moved(none))
+    v1 = areas(moved(none + 1)) - v0
+    low = np.where(v1 > 0, -v0 / v1, -np.inf).max(axis=1)
+    high = np.where(v1 < 0, -v0 / v1, np.inf).min(axis=1)
+    for _ in range(70):
+        a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        left = triangle_qualities(moved(a)).min(axis=1) > triangle_qualities(moved(b)).min(axis=1)
+        low, high = np.where(left, low, a), np.where(left, b, high)
+    return triangle_qualities(moved(0.5 * (low + high))).min(axis=1)
+
+
+def areas(triangles):
+    """Twice the signed areas of triangles (..., 3, 2)."""
+    p, q = triangles[..., 1, :] - triangles[..., 0, :], triangles[..., 2, :] - triangles[..., 0, :]
+    return p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
+
+
+def triangle_qualities(triangles):
+    """Mean ratios: 2 sqrt(3) times twice the area over the sum of the squared edges."""
+    edges = triangles - np.roll(triangles, 1, axis=-2)
+    return 2 * np.sqrt(3) * areas(triangles) / (edges**2).sum(axis=(-1, -2))
