@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.jit import compiled, inlined
+from dvr_cli.mesh.mixing import mixed
+
+_mixed = inlined(mixed)
 
 
 @compiled
@@ -89,18 +92,50 @@ def rings(
     """As ``Incidence.rings``: offsets, other vertices and shapes of the rings, one after the other."""
     width = vertices.shape[1]
     new_start = np.zeros(len(sequence) + 1, dtype=np.int64)
+    begin = np.empty(len(sequence), dtype=np.int64)
     for i in range(len(sequence)):
+        begin[sequence[i]] = new_start[i]
         new_start[i + 1] = new_start[i] + start[sequence[i] + 1] - start[sequence[i]]
     others = np.empty((new_start[-1], width - 1), dtype=np.int32)
     shape = np.empty(new_start[-1], dtype=np.uint8)
-    for i in range(len(sequence)):
-        old, new = start[sequence[i]], new_start[i]
-        for entry in range(new_start[i + 1] - new):
-            c, own = corner[old + entry], place[old + entry]
+    for vertex in range(len(sequence)):  # not in sequence: neighbours' rings share corners
+        new = begin[vertex]
+        for entry in range(start[vertex], start[vertex + 1]):
+            c, own = corner[entry], place[entry]
             for j in range(1, width):
-                others[new + entry, j - 1] = vertices[c, origin_first[own, j]]
-            shape[new + entry] = shapes[c, own]
+                others[new, j - 1] = vertices[c, origin_first[own, j]]
+            shape[new] = shapes[c, own]
+            new += 1
     return new_start, others, shape
+
+
+@compiled
+def cancel_facets(
+    vertices: np.ndarray,
+    facets: np.ndarray,
+    of_vertex: np.ndarray,
+    of_region: np.ndarray,
+    used: np.ndarray,
+    left_over: np.ndarray,
+) -> None:
+    """As ``interior._cancel_facets``, of the cells (n, k) with these ``local_facets``."""
+    width = vertices.shape[1]
+    number, around = np.empty(width, dtype=np.uint64), np.empty(width, dtype=np.uint64)
+    for c in range(len(vertices)):
+        for k in range(width):
+            number[k], around[k] = of_vertex[vertices[c, k]], 0
+        for f in range(len(facets)):
+            total = of_region[c]
+            for j in range(facets.shape[1]):
+                if facets[f, j] >= 0:
+                    total += number[facets[f, j]]
+            total = _mixed(total)
+            for j in range(facets.shape[1]):
+                if facets[f, j] >= 0:
+                    around[facets[f, j]] ^= total
+        for k in range(width):
+            used[vertices[c, k]] = True
+            left_over[vertices[c, k]] ^= around[k]
 
 
 @compiled

@@ -144,7 +144,7 @@ def domain_of(mesh: Mesh, straighten: bool = False, compiled: bool = False) -> D
         cell_ids=np.concatenate([np.arange(first[b], first[b + 1]) for b in chosen]),
         corners=corners_of(cells, dimension) if mirrored.any() else as_stored,
         region=region,
-        interior=_interior(linear, stored, chosen, region, len(mesh.points)) & mesh.unlinked,
+        interior=_interior(linear, stored, chosen, region, len(mesh.points), compiled) & mesh.unlinked,
         mirrored=int(mirrored.sum()),
         plane=plane,
         mids=mids,
@@ -154,10 +154,15 @@ def domain_of(mesh: Mesh, straighten: bool = False, compiled: bool = False) -> D
 
 
 def _interior(
-    cells: list[Cells], stored: list[Cells], chosen: list[int], region: np.ndarray, n_points: int
+    cells: list[Cells],
+    stored: list[Cells],
+    chosen: list[int],
+    region: np.ndarray,
+    n_points: int,
+    compiled: bool,
 ) -> np.ndarray:
     """(N,) bool: vertices inside one region that no cell of lower dimension holds."""
-    interior = enclosed(stored, region, n_points)
+    interior = enclosed(stored, region, n_points, compiled)
     for b, block in enumerate(cells):
         if b not in chosen:
             interior[block.vertices] = False

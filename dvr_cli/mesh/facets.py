@@ -24,6 +24,13 @@ FACETS: dict[str, tuple[tuple[int, ...], ...]] = {
 }
 
 
+def local_facets(cell_type: str) -> np.ndarray:
+    """(F, w) the facets of a cell type as in FACETS, w the largest; shorter ones end in -1."""
+    facets = FACETS[cell_type]
+    width = max(map(len, facets))
+    return np.array([[*facet, -1][:width] for facet in facets])
+
+
 @dataclass(frozen=True)
 class Facets:
     """All facets of a mesh, once for each cell that has them.

@@ -56,16 +56,13 @@ def interior_angles(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
 
 def _with_extreme_cosines(points: np.ndarray, block: Cells) -> np.ndarray:
-    """The few cells of a block that may have its smallest or largest dihedral angle."""
-    from dvr_cli.quality.compiled import extreme_cosines
+    """(n,) bool: the few cells of a block that may have its smallest or largest dihedral angle."""
+    from dvr_cli.quality.compiled import with_extreme_cosines
 
     faces = FACETS[block.type]
     padded = np.array([[*face, face[-1]][:4] for face in faces])
     pairs = np.array([(i, j) for i in range(len(faces)) for j in range(i) if _neighbours(faces[i], faces[j])])
-    low, high = extreme_cosines(points, block.vertices, padded, pairs)
-    return np.flatnonzero(
-        (low <= low.min(initial=np.inf) + _NEAR) | (high >= high.max(initial=-np.inf) - _NEAR)
-    )
+    return with_extreme_cosines(points, block.vertices, padded, pairs, _NEAR)
 
 
 def _neighbours(face: tuple[int, ...], other: tuple[int, ...]) -> bool:

@@ -57,31 +57,33 @@ def corner_terms_3d(points: np.ndarray, corner: np.ndarray, norm: np.ndarray, k:
 
 
 @compiled
-def extreme_cosines(
-    points: np.ndarray, vertices: np.ndarray, faces: np.ndarray, pairs: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest cosine between the normals of neighbouring faces of each cell; inf, -inf if none.
+def with_extreme_cosines(
+    points: np.ndarray, vertices: np.ndarray, faces: np.ndarray, pairs: np.ndarray, near: float
+) -> np.ndarray:
+    """(n,) bool: the cells with a cosine between the normals of neighbouring faces as large or small as any.
 
-    vertices: (n, k); faces: (F, 4) local vertices, of a triangle the last repeated; pairs: (E, 2) of faces
-    with a common edge. The normals are those of ``angles``.
+    All that come as near as ``near`` to these are among them, and few others. vertices: (n, k); faces: (F, 4)
+    local vertices, of a triangle the last repeated; pairs: (E, 2) of faces with a common edge. The normals
+    are those of ``angles``.
     """
-    low, high = np.full(len(vertices), np.inf), np.full(len(vertices), -np.inf)
-    normals = np.empty((len(faces), 3))
-    lengths = np.empty(len(faces))
+    chosen = np.zeros(len(vertices), dtype=np.bool_)
+    low, high = np.inf, -np.inf
+    normal = np.empty((len(faces), 3))
+    length = np.empty(len(faces))
     for c in range(len(vertices)):
         for f in range(len(faces)):
-            p, q = points[vertices[c, faces[f, 0]]], points[vertices[c, faces[f, 1]]]
-            r, t = points[vertices[c, faces[f, 2]]], points[vertices[c, faces[f, 3]]]
-            a0, a1, a2 = r[0] - p[0], r[1] - p[1], r[2] - p[2]
-            b0, b1, b2 = t[0] - q[0], t[1] - q[1], t[2] - q[2]
+            p, q = vertices[c, faces[f, 0]], vertices[c, faces[f, 1]]
+            r, t = vertices[c, faces[f, 2]], vertices[c, faces[f, 3]]
+            a0, a1, a2 = points[r, 0] - points[p, 0], points[r, 1] - points[p, 1], points[r, 2] - points[p, 2]
+            b0, b1, b2 = points[t, 0] - points[q, 0], points[t, 1] - points[q, 1], points[t, 2] - points[q, 2]
             n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
-            normals[f, 0], normals[f, 1], normals[f, 2] = n0, n1, n2
-            lengths[f] = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+            normal[f, 0], normal[f, 1], normal[f, 2] = n0, n1, n2
+            length[f] = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
         for e in range(len(pairs)):
-            i, j = pairs[e]
-            size = lengths[i] * lengths[j]
-            if size > 0:
-                one, other = normals[i], normals[j]
-                cosine = (one[0] * other[0] + one[1] * other[1] + one[2] * other[2]) / size
-                low[c], high[c] = min(low[c], cosine), max(high[c], cosine)
-    return low, high
+            i, j = pairs[e, 0], pairs[e, 1]
+            size = length[i] * length[j]
+            inner = normal[i, 0] * normal[j, 0] + normal[i, 1] * normal[j, 1] + normal[i, 2] * normal[j, 2]
+            if size > 0 and (inner >= (high - near) * size or inner <= (low + near) * size):
+                chosen[c] = True
+                low, high = min(low, inner / size), max(high, inner / size)
+    return chosen

@@ -65,9 +65,10 @@ def build_problem(
     moves = np.zeros(n_points, dtype=bool)
     moves[relaxed] = True
     touched = _along_curve(corners, moves, number, compiled)
-    vertices = np.sort(number[relaxed])
-    incidence = incidence_of(touched, vertices, n_points, compiled)
-    parts = batches(incidence, order, seed, compiled, np.searchsorted(vertices, number[relaxed]))
+    on_curve = moves[along_curve]
+    incidence = incidence_of(touched, np.flatnonzero(on_curve), n_points, compiled)
+    natural = (np.cumsum(on_curve) - 1)[number[relaxed]]
+    parts = batches(incidence, order, seed, compiled, natural)
     sequence = np.concatenate([np.empty(0, dtype=np.int64), *parts])
     rings = incidence.rings(touched, sequence, compiled)
     return Problem(
