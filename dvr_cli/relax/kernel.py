@@ -209,12 +209,13 @@ def _crossing(lines: np.ndarray, a: int, b: int, above: float, below: float, d: 
             above = at
         else:
             below = at
-        newton = at - h / dh
-        inside = (newton - above) * (newton - below) < 0
-        if abs(h) <= NEARLY_CROSSED * one:
-            return newton if inside else at
-        at = newton if inside else 0.5 * (above + below)
-        if not (at - above) * (at - below) < 0:
+        before, newton = at, at - h / dh
+        near = abs(h) <= NEARLY_CROSSED * one
+        if (newton - above) * (newton - below) < 0:
+            at = newton
+        elif not near:
+            at = 0.5 * (above + below)
+        if near or at == before:
             break
     return at
 

@@ -88,8 +88,9 @@ class Lines:
 
     def root(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """v, and t with B = t/v (2D) or (t/v)² (3D), and dt/dλ."""
-        s = self.s(at)
-        slope = 2.0 * (self.s1 + self.s2 * at)
+        bend = self.s2 * at
+        s = self.s0 + at * (2.0 * self.s1 + bend)
+        slope = 2.0 * (self.s1 + bend)
         if self.dimension == 2:
             return self.v(at), s, slope
         root = np.sqrt(s)
@@ -274,21 +275,21 @@ def _crossing(two: Lines, above: np.ndarray, below: np.ndarray) -> np.ndarray:
         h, dh = one - other, dh_one - dh_other
         positive = h > 0
         above, below = np.where(positive, at, above), np.where(positive, below, at)
-        newton = at - h / dh
-        inside = (newton - above) * (newton - below) < 0
+        after = at - h / dh
+        inside = (after - above) * (after - below) < 0
         near = np.abs(h) <= NEARLY_CROSSED * one
-        after = np.where(inside, newton, np.where(near, at, 0.5 * (above + below)))
-        at = np.where(active, after, at)
-        active &= ~near & ((at - above) * (at - below) < 0)
+        if not inside.all():
+            after = np.where(inside, after, np.where(near, at, 0.5 * (above + below)))
+        result[which[active]] = after[active]
+        active &= ~near & (after != at)
+        at = after
         n = np.count_nonzero(active)
         if not n:
             break
         if 2 * n < len(at):  # leaving out fewer costs more than it saves
-            result[which] = at
             keep = np.flatnonzero(active)
             two, active = two.taken(keep), active[keep]
             which, at, above, below = which[keep], at[keep], above[keep], below[keep]
-    result[which] = at
     return result
 
 
