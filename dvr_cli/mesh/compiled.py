@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.jit import compiled, inlined
-from dvr_cli.mesh.mixing import mixed
+from dvr_cli.mesh.interior import mixed
 
 _mixed = inlined(mixed)
 

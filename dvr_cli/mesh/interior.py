@@ -12,7 +12,6 @@ import numpy as np
 
 from dvr_cli.mesh.facets import FACETS, local_facets
 from dvr_cli.mesh.mesh import Cells
-from dvr_cli.mesh.mixing import mixed
 
 _CELLS = 1 << 14  # cells looked at together: small enough for the cache
 
@@ -54,3 +53,11 @@ def _cancel_facets(
             around = [n for n, facet in zip(numbers, facets, strict=True) if k in facet]
             used[vertex] = True
             np.bitwise_xor.at(left_over, vertex, np.bitwise_xor.reduce(around))
+
+
+def mixed(x: np.ndarray) -> np.ndarray:
+    """Well-mixed 64-bit numbers, one to one with ``x`` (splitmix64)."""
+    x = x * np.uint64(0x9E3779B97F4A7C15)
+    x = (x ^ x >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ x >> np.uint64(27)) * np.uint64(0x94D049BB133111EB)
+    return x ^ x >> np.uint64(31)
