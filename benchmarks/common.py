@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import statistics
+import os
 import subprocess
 import sys
 import time
@@ -53,9 +53,10 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 def run_process(command: Sequence[str | Path]) -> tuple[float, float]:
-    """Seconds and peak memory in MB of a process; SystemExit if it fails."""
+    """Seconds and peak memory in MB of a process, bytecode kept as usual; SystemExit if it fails."""
     launch = [sys.executable, "-c", _LAUNCHER, *map(str, command)]
-    answer = subprocess.run(launch, capture_output=True, text=True, check=True)
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    answer = subprocess.run(launch, capture_output=True, text=True, check=True, env=environment)
     elapsed, peak, code = answer.stdout.split()
     if code != "0":
         raise SystemExit(f"{' '.join(map(str, command))} failed:\n{answer.stderr}")
@@ -63,9 +64,10 @@ def run_process(command: Sequence[str | Path]) -> tuple[float, float]:
     return float(elapsed), float(peak) * in_kb * 1024 / 1e6
 
 
-def median_process(command: Sequence[str | Path], runs: int) -> float:
-    """Median of the seconds of several runs of a process."""
-    return statistics.median(run_process(command)[0] for _ in range(runs))
+def processes(command: Sequence[str | Path], runs: int) -> list[float]:
+    """Seconds of several runs of a process, ascending, after one that is not counted."""
+    run_process(command)
+    return sorted(run_process(command)[0] for _ in range(runs))
 
 
 def contenders(threads: Sequence[int] = (1, 2)) -> list[Contender]:
