@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.mesh.csr import group, row_entries
+from dvr_cli.mesh.interior import mixed
 from dvr_cli.mesh.rings import Incidence
 
 ORDERS = ("coloured", "natural", "shuffled")
@@ -36,7 +37,7 @@ def batches(
         generator = np.random.Generator(np.random.Philox(key=np.array([seed, 0], dtype=np.uint64)))
         sequence = natural[generator.permutation(m)]
     else:
-        sequence = _largest_first(np.diff(incidence.start))
+        sequence = _scattered(m)
     if compiled:
         from dvr_cli.relax import compiled as fast
 
@@ -49,13 +50,13 @@ def batches(
     return _colours(incidence.start, neighbours, levels) if order == "coloured" else levels
 
 
-def _largest_first(sizes: np.ndarray) -> np.ndarray:
-    """The order in which vertices with these many corners take colours: large rings first, by sizes in pairs.
+def _scattered(m: int) -> np.ndarray:
+    """0..m-1 in a fixed order of short dependency chains: in 16 rounds, each in ascending order.
 
-    Largest first is the usual way to few colours. Among sizes alike the order is that of memory, so that
-    neighbours are visited soon after each other.
+    To which round a number belongs is without pattern; ascending, as neighbours in memory are then visited
+    soon after each other.
     """
-    return np.argsort(-(sizes // 2), kind="stable")
+    return np.argsort((mixed(np.arange(m, dtype=np.uint64)) >> np.uint64(60)).astype(np.uint8), kind="stable")
 
 
 def _levels(start: np.ndarray, neighbours: np.ndarray, sequence: np.ndarray) -> list[np.ndarray]:
