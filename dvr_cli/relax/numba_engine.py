@@ -18,7 +18,8 @@ from dvr_cli.relax.problem import Problem
 from dvr_cli.relax.ring_kernel import ROWS, WIDTH
 from dvr_cli.relax.steepest_kernel import steepest_directions
 
-_LEAST = 512  # rings or corners a thread is given at least: fewer cost more than they save
+_LEAST = 512  # rings or corners in a part at least: fewer cost more than they save
+_SHARES = 4  # parts a thread gets on average: who is slowed down by other work on the machine takes fewer
 
 
 class NumbaEngine(Engine):
@@ -84,10 +85,23 @@ class NumbaEngine(Engine):
         return max(parts, key=lambda part: part[1])  # the first of equals
 
     def _in_parts(self, work: Callable[[int, int], Any], lo: int, hi: int) -> list[Any]:
-        """work(a, b) for consecutive parts a .. b of lo .. hi, in order, on as many threads as pay."""
-        parts = min(self.threads, (hi - lo) // _LEAST)
+        """work(a, b) for consecutive parts a .. b of lo .. hi, in order, on as many threads as pay.
+
+        Each thread takes the next part from one iterator until there are none left.
+        """
+        parts = min(_SHARES * self.threads, (hi - lo) // _LEAST)
         if self._pool is None or parts < 2:
             return [work(lo, hi)]
         cuts = np.linspace(lo, hi, parts + 1).astype(np.int64).tolist()
-        others = [self._pool.submit(work, a, b) for a, b in pairwise(cuts[1:])]
-        return [work(*cuts[:2]), *(other.result() for other in others)]
+        results: list[Any] = [None] * parts
+        waiting = iter(enumerate(pairwise(cuts)))
+
+        def take() -> None:
+            for i, (a, b) in waiting:
+                results[i] = work(a, b)
+
+        others = [self._pool.submit(take) for _ in range(min(self.threads, parts) - 1)]
+        take()
+        for other in others:
+            other.result()
+        return results
