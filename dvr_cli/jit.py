@@ -6,6 +6,9 @@ Importing this module imports numba; only what has decided to compile does so.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar
 
 from numba import njit
@@ -13,15 +16,19 @@ from numba import njit
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 # IEEE arithmetic as written: nothing fused or reassociated, division by zero as in NumPy
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+_COMPILED = ("mesh", "quality", "relax")  # the folders with compiled functions
 
 
 def compiled(function: _Function, **options: Any) -> _Function:
     """``function`` compiled when first called; it may be a plain loop over arrays."""
     options |= _OPTIONS
     try:
-        return njit(cache=True, **options)(function)
+        made = njit(cache=True, **options)(function)
     except RuntimeError:  # no directory to keep the result in: compile it anew in every process
         return njit(**options)(function)
+    if hasattr(made, "stats"):  # it is the function itself when numba is told to run Python
+        forget_outdated(made.stats.cache_path)
+    return made
 
 
 def inlined(function: _Function) -> _Function:
@@ -30,3 +37,17 @@ def inlined(function: _Function) -> _Function:
     A call proper counts references to each array it is given, which costs more than a few sums do.
     """
     return compiled(function, forceinline=True)
+
+
+@cache
+def forget_outdated(directory: str) -> None:
+    """Remove from a directory of results those older than the last change of any source they may come from.
+
+    numba notices when the file of a function changes, but not those of the functions and constants it uses.
+    """
+    sources = [path for folder in _COMPILED for path in (Path(__file__).parent / folder).glob("*.py")]
+    changed = max(path.stat().st_mtime for path in sources)
+    with suppress(OSError):
+        for index in Path(directory).glob("*.nbi"):
+            if index.stat().st_mtime < changed:
+                index.unlink()

@@ -139,6 +139,29 @@ def cancel_facets(
 
 
 @compiled
+def cancel_facets_of_simplices(
+    vertices: np.ndarray,
+    of_vertex: np.ndarray,
+    of_region: np.ndarray,
+    used: np.ndarray,
+    left_over: np.ndarray,
+) -> None:
+    """The same for triangles or tetrahedra, each facet of which lacks one vertex."""
+    width = vertices.shape[1]
+    number = np.empty(width, dtype=np.uint64)
+    for c in range(len(vertices)):
+        total, around = of_region[c], np.uint64(0)
+        for k in range(width):
+            total += of_vertex[vertices[c, k]]
+        for k in range(width):
+            number[k] = _mixed(total - of_vertex[vertices[c, k]])
+            around ^= number[k]
+        for k in range(width):
+            used[vertices[c, k]] = True
+            left_over[vertices[c, k]] ^= around ^ number[k]
+
+
+@compiled
 def facet_order(vertices: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     """As ``facets._facet_order``: an order that puts facets with the same vertices together, and where each
     group begins. n: number of points.

@@ -31,10 +31,14 @@ def enclosed(blocks: list[Cells], region: np.ndarray, n_points: int, compiled: b
         here = of_region[first : first + len(block.vertices)]
         first += len(block.vertices)
         if compiled:
-            from dvr_cli.mesh.compiled import cancel_facets
+            from dvr_cli.mesh import compiled as fast
 
             with np.errstate(over="ignore"):  # numbers are modulo 2^64, and numba may be told to run Python
-                cancel_facets(block.vertices, local_facets(block.type), of_vertex, here, used, left_over)
+                if block.type in ("triangle", "tetra"):
+                    fast.cancel_facets_of_simplices(block.vertices, of_vertex, here, used, left_over)
+                else:
+                    facets = local_facets(block.type)
+                    fast.cancel_facets(block.vertices, facets, of_vertex, here, used, left_over)
         else:
             _cancel_facets(block, of_vertex, here, used, left_over)
     return used & (left_over == 0)

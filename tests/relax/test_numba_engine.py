@@ -1,6 +1,7 @@
 """The compiled engine gives the same bytes as the NumPy engine, on any number of threads."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -252,6 +253,37 @@ def test_no_place_for_a_cache_does_no_harm(tmp_path, monkeypatch):
         return x + x
 
     assert twice(3.0) == 6.0
+
+
+def test_a_change_in_another_file_than_the_function_s_own_is_noticed(tmp_path):
+    """numba looks at that file alone, though what it keeps has functions of other files in it."""
+    package = Path(choice.__file__).parents[1]
+    shutil.copytree(package, tmp_path / "dvr_cli", ignore=shutil.ignore_patterns("__pycache__"))
+    program = """
+import numpy as np
+from dvr_cli.quality.compiled import corner_terms
+points, v, s = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.empty(1), np.empty(1)
+corner, shape = np.array([[0, 1, 2]], dtype=np.int32), np.zeros((1, 3), dtype=np.uint8)
+corner_terms(points, corner, shape, np.ones((1, 3)), v, s)
+print(v[0], corner_terms.stats.cache_hits[corner_terms.signatures[0]])
+"""
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def answer():
+        command = [sys.executable, "-c", program]
+        run = subprocess.run(
+            command, env=environment, capture_output=True, text=True, check=True, cwd=tmp_path
+        )
+        return run.stdout.split()
+
+    assert answer()[0] == "1.0"
+    assert answer() == ["1.0", "1"]  # from the cache
+    called = tmp_path / "dvr_cli" / "mesh" / "compiled.py"
+    text = called.read_text()
+    ours = "    return (p[0] - x[0]) * (q[1] - p[1])"
+    assert text.count(ours) == 1
+    called.write_text(text.replace(ours, "    return 2 * (p[0] - x[0]) * (q[1] - p[1])"))
+    assert answer()[0] == "2.0"
 
 
 def test_auto_takes_numba_where_it_pays(monkeypatch):
