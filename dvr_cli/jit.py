@@ -46,7 +46,7 @@ def forget_outdated(directory: str) -> None:
     numba notices when the file of a function changes, but not those of the functions and constants it uses.
     """
     sources = [path for folder in _COMPILED for path in (Path(__file__).parent / folder).glob("*.py")]
-    changed = max(path.stat().st_mtime for path in sources)
+    changed = max((path.stat().st_mtime for path in sources), default=0.0)  # there are none in an archive
     with suppress(OSError):
         for index in Path(directory).glob("*.nbi"):
             if index.stat().st_mtime < changed:
