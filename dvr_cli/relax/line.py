@@ -202,8 +202,10 @@ def _exchange(
     now: (K, n) badness at λ = 0, where the search begins unless some corner is not positive there.
     """
     start_here = now.max(axis=0) < np.inf
-    at = np.where(start_here, 0.0, _inside(lines, low, high, low_corner, high_corner))
-    all_badness = now if start_here.all() else lines.badness(at)
+    at, all_badness = np.zeros_like(low), now
+    if not start_here.all():
+        at = np.where(start_here, 0.0, _inside(lines, low, high, low_corner, high_corner))
+        all_badness = lines.badness(at)
     result, which = at.copy(), np.arange(len(at))
     left, right, pair = low, high, np.stack([low_corner, high_corner])
     bound = np.zeros(len(at))  # the larger badness of the bracket corners at ``at``
