@@ -70,7 +70,6 @@ def _own_rows(case: Case) -> Iterator[list[object]]:
         for n in _SWEEPS
     }
     runs[(f"dvr, default options, {fastest()}", "")] = {}
-    dvr_cli.smooth(domain.points, {domain.cells[0].type: case.cells}, engine=fastest(), max_iterations=2)
     for row, options in runs.items():
         begin = time.perf_counter()
         cells = {domain.cells[0].type: case.cells}
