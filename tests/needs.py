@@ -1,16 +1,35 @@
-"""What tests need beside the package itself."""
+"""What tests need beside the package itself.
+
+Where it is missing they are skipped, and say why; under CI, which installs all of it, they fail.
+"""
 
 import importlib
 import os
+import shutil
+from types import ModuleType
+from typing import NoReturn
 
 import pytest
 
 
-def require(module: str) -> None:
-    """Skip the tests that need ``module`` where it cannot be imported; in CI that is a failure."""
+def require(module: str) -> ModuleType:
+    """The module of this name."""
     try:
-        importlib.import_module(module)
-    except (ImportError, OSError) as error:
-        if os.environ.get("CI") == "true":
-            raise
-        pytest.skip(f"{module} cannot be imported: {error}", allow_module_level=True)
+        return importlib.import_module(module)
+    except (ImportError, OSError) as error:  # OSError: a system library it needs is missing
+        _miss(f"{module} cannot be imported: {error}")
+
+
+def require_program(*names: str) -> str:
+    """The path of a program that goes by any of these names, the first one found."""
+    path = next(filter(None, map(shutil.which, names)), None)
+    if path is None:
+        _miss(f"no program {' or '.join(names)} is on the path")
+    return path
+
+
+def _miss(reason: str) -> NoReturn:
+    """Skip the test, or at its top level the module."""
+    if os.environ.get("CI") == "true":
+        pytest.fail(f"{reason}; CI must install it")
+    pytest.skip(reason, allow_module_level=True)

@@ -7,7 +7,6 @@ rest of the session; nothing is left on disk.
 from __future__ import annotations
 
 import contextlib
-import os
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -17,26 +16,16 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-import pytest
+
+from needs import require
 
 VARIANTS = {"22-ascii": (2.2, 0), "22-binary": (2.2, 1), "41-ascii": (4.1, 0), "41-binary": (4.1, 1)}
-
-
-def require_gmsh() -> ModuleType:
-    """The gmsh module; the test is skipped where it cannot be imported, but fails so on CI."""
-    try:
-        import gmsh
-    except (ImportError, OSError) as error:  # OSError: a system library it needs is missing
-        if os.environ.get("CI") == "true":
-            pytest.fail(f"gmsh must be importable on CI: {error}")
-        pytest.skip(f"gmsh cannot be imported: {error}")
-    return gmsh
 
 
 @contextlib.contextmanager
 def gmsh_session(**options: float) -> Iterator[ModuleType]:
     """A Gmsh with default options but for those given, as Mesh_SaveAll for Mesh.SaveAll."""
-    gmsh = require_gmsh()
+    gmsh = require("gmsh")
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     try:
         for name, value in {"General_Terminal": 0, **options}.items():

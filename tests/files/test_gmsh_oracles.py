@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import re
-import sys
 from collections import Counter
 from functools import cache
 from pathlib import Path
@@ -18,7 +17,7 @@ from dvr_cli.files.gmsh import read
 from dvr_cli.files.gmsh.cells import CellType, cell_type
 from dvr_cli.mesh.groups import group_cells, topological_dimension
 from dvr_cli.mesh.mesh import Mesh
-from gmsh_corpus import NAMES, Account, account, corpus, gmsh_session, require_gmsh
+from gmsh_corpus import NAMES, Account, account, corpus, gmsh_session
 
 
 def supported_types() -> dict[int, CellType]:
@@ -72,14 +71,6 @@ def tags_of(mesh: Mesh, block: int) -> np.ndarray:
     """(n, g) all physical tags of the cells of a block."""
     columns = [values[block] for key, values in mesh.cell_data.items() if key.startswith("gmsh:physical")]
     return np.stack(columns, axis=1)
-
-
-@pytest.mark.parametrize(("ci", "outcome"), [("true", pytest.fail.Exception), ("", pytest.skip.Exception)])
-def test_without_gmsh_tests_are_skipped_but_fail_on_ci(monkeypatch, ci, outcome):
-    monkeypatch.setitem(sys.modules, "gmsh", None)
-    monkeypatch.setenv("CI", ci)
-    with pytest.raises(outcome, match="gmsh"):
-        require_gmsh()
 
 
 # --------------------------------------------------------------------------------------- against Gmsh

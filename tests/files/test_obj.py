@@ -13,7 +13,7 @@ import trimesh
 from dvr_cli.errors import InputError
 from dvr_cli.files import obj
 from dvr_cli.files.obj import ObjSource
-from fuzz import mutated
+from fuzz import COUNTS, mutated
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.5 0.125\n"
 FAN = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
@@ -235,11 +235,12 @@ def test_long_lines_and_deep_indents_take_no_more_than_their_share():
     assert mesh.cells[0].vertices.shape == (1, 100_003)
 
 
-def test_damaged_files_raise_input_errors_only():
+@pytest.mark.parametrize("count", COUNTS)
+def test_damaged_files_raise_input_errors_only(count):
     files = [text.encode() for text in FANS.values()]
     files.append((SQUARE + "f 1 2 3 4 5\nl 1/1 2/1 3/1\nf 1 2 3\np 5 -4\nf 2 3 4 5\ng x\nf 3 4 5\n").encode())
     messages, read_well = [], 0
-    for data in mutated(files, 4000, seed=11):
+    for data in mutated(files, count, seed=11):
         try:
             source = obj.read(data)
         except InputError as error:
@@ -255,6 +256,6 @@ def test_damaged_files_raise_input_errors_only():
         again = obj.read(written(source, points)).mesh
         assert np.array_equal(again.points, points, equal_nan=True)
         assert [b.vertices.tolist() for b in again.cells] == [b.vertices.tolist() for b in mesh.cells]
-    assert read_well > 400
-    assert len(messages) > 1000
+    assert read_well > count // 10
+    assert len(messages) > count // 4
     assert all(len(message) < 300 and message.isprintable() for message in messages)

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from dvr_cli.files.reading import open_mesh
-from gmsh_corpus import account, require_gmsh
+from gmsh_corpus import account
+from needs import require
 
 SCRIPTS = Path(sysconfig.get_path("scripts"))
 DVR = str(SCRIPTS / "dvr")
@@ -60,7 +61,7 @@ def pipeline(*commands: list[object]) -> list[subprocess.CompletedProcess[bytes]
 @pytest.fixture
 def generator(tmp_path: Path) -> list[object]:
     """The command by which Gmsh writes a mesh to its standard output; -v 0 keeps its talk out of that."""
-    require_gmsh()
+    require("gmsh")
     (tmp_path / "part.geo").write_text(GEO)
     gmsh = SCRIPTS / "gmsh"
     return [sys.executable, gmsh, tmp_path / "part.geo", "-3", "-v", "0", "-o", "/dev/stdout"]

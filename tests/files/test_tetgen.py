@@ -11,7 +11,7 @@ import pytest
 from dvr_cli.errors import InputError
 from dvr_cli.files import tetgen
 from dvr_cli.files.tetgen import TetgenSource
-from fuzz import mutated
+from fuzz import COUNTS, mutated
 
 NODE = b"""# a cube's corner
   4  3  1  1   # counts
@@ -210,9 +210,10 @@ def test_refused_with_one_line_that_says_why(node, ele, words):
     assert str(caught.value).isprintable()
 
 
-def test_damaged_files_raise_input_errors_only():
-    nodes = mutated([node for node, _ in PAIRS.values()], 4000, seed=13)
-    eles = mutated([ele for _, ele in PAIRS.values()], 4000, seed=17)
+@pytest.mark.parametrize("count", COUNTS)
+def test_damaged_files_raise_input_errors_only(count):
+    nodes = mutated([node for node, _ in PAIRS.values()], count, seed=13)
+    eles = mutated([ele for _, ele in PAIRS.values()], count, seed=17)
     whole = list(PAIRS.values())
     messages, read_well = [], 0
     for i, (node, ele) in enumerate(zip(nodes, eles, strict=True)):
@@ -234,6 +235,6 @@ def test_damaged_files_raise_input_errors_only():
         again = tetgen.read(written(source, points), ele).mesh
         assert np.array_equal(again.points, points, equal_nan=True)
         assert again.cells[0].vertices.tolist() == vertices.tolist()
-    assert read_well > 300
-    assert len(messages) > 1000
+    assert read_well > 0.075 * count
+    assert len(messages) > count // 4
     assert all(len(message) < 300 and message.isprintable() for message in messages)

@@ -5,7 +5,6 @@ VTK is needed for these tests only. Where it cannot be imported they are skipped
 
 from __future__ import annotations
 
-import os
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -13,18 +12,14 @@ from types import SimpleNamespace
 
 import meshio
 import numpy as np
-import pytest
+
+from needs import require
 
 
 def _load_vtk() -> SimpleNamespace:
-    try:
-        from vtkmodules import vtkCommonCore, vtkCommonDataModel, vtkIOLegacy
-        from vtkmodules.util import numpy_support
-    except ImportError:
-        if os.environ.get("CI") == "true":
-            raise
-        pytest.skip("VTK (the Python package vtk) is not installed", allow_module_level=True)
-    names = {**vars(vtkCommonCore), **vars(vtkCommonDataModel), **vars(vtkIOLegacy), "np": numpy_support}
+    modules = [require(f"vtkmodules.vtk{name}") for name in ("CommonCore", "CommonDataModel", "IOLegacy")]
+    names = {name: value for module in modules for name, value in vars(module).items()}
+    names["np"] = require("vtkmodules.util.numpy_support")
     return SimpleNamespace(**{name: names[name] for name in names if not name.startswith("_")})
 
 

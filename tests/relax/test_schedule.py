@@ -12,6 +12,7 @@ from dvr_cli.mesh.rings import incidence_of
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.schedule import ORDERS, _scattered, batches
 from meshes import KINDS, delaunay, random_mesh
+from needs import require
 
 
 def incidence_of_mesh(mesh, seed=0):
@@ -113,7 +114,7 @@ def test_positions_ascend_within_a_batch(name, order):
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_the_compiled_schedule_is_the_same(name, order):
-    pytest.importorskip("numba")
+    require("numba")
     incidence = PROBLEMS[name]
     plain, compiled = (batches(incidence, order, 5, compiled) for compiled in (False, True))
     assert [part.tolist() for part in compiled] == [part.tolist() for part in plain]
