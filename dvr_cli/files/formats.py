@@ -1,76 +1,148 @@
-"""File formats: their names, the suffixes they go by, and how their first bytes give them away."""
+"""File formats: one record each, which everything that depends on a format reads.
+
+A format is added by a record here and a module with a function ``read``. Formats that meshio alone reads or
+writes have records, too.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from dvr_cli.errors import UsageError
+from dvr_cli.errors import OutputError, UsageError
 
-_SUFFIXES = {
-    ".msh": "gmsh",
-    ".msh2": "gmsh",
-    ".msh4": "gmsh",
-    ".vtk": "vtk",
-    ".obj": "obj",
-    ".node": "tetgen",
-    ".ele": "tetgen",
-    ".vtu": "vtu",
-    ".mesh": "medit",
-    ".meshb": "medit",
-    ".inp": "abaqus",
-    ".bdf": "nastran",
-    ".fem": "nastran",
-    ".nas": "nastran",
-    ".su2": "su2",
-    ".off": "off",
-    ".ply": "ply",
-    ".stl": "stl",
-    ".xdmf": "xdmf",
-    ".xmf": "xdmf",
-    ".med": "med",
-    ".cgns": "cgns",
-    ".e": "exodus",
-    ".exo": "exodus",
-    ".ex2": "exodus",
-    ".h5m": "h5m",
-    ".avs": "avsucd",
-    ".xml": "dolfin-xml",
-    ".f3grid": "flac3d",
-    ".hmf": "hmf",
-    ".mdpa": "mdpa",
-    ".vol": "netgen",
-    ".post": "permas",
-    ".dat": "tecplot",
-    ".tec": "tecplot",
-    ".ugrid": "ugrid",
-}
-FORMATS = tuple(sorted(set(_SUFFIXES.values())))
+if TYPE_CHECKING:
+    from dvr_cli.files.source import InputFile, Source
+    from dvr_cli.mesh.mesh import Mesh
 
-_SIGNATURES = (
-    (re.compile(rb"\s*\$(MeshFormat|Comments|NOD)\b"), "gmsh"),
-    (re.compile(rb"\s*# vtk DataFile"), "vtk"),
-    (re.compile(rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<VTKFile", re.DOTALL), "vtu"),
-    (re.compile(rb"\s*(#[^\n]*\n\s*)*MeshVersionFormatted"), "medit"),
-    (re.compile(rb"\s*(#[^\n]*\n\s*)*(C?O?FF)\b"), "off"),
-    (re.compile(rb"ply\r?\n"), "ply"),
-    (re.compile(rb"(\s*#[^\n]*\n|\s*(mtllib|usemtl|o|g|s)\s[^\n]*\n|\s*\n)*\s*v[tn]?\s+[-+.\d]"), "obj"),
+_MESHIO = "meshio_source"
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format.
+
+    name: as ``--input-format`` and ``--output-format`` take it.
+    suffixes: those its files go by, in lower case, the dot included. Several formats may share one.
+    signature: matches the first bytes of its files, None if they do not give it away.
+    reader: the module in this package whose ``read`` makes a Source of a file.
+    several: its meshes may be spread over several files. ``read`` then takes an InputFile, else bytes.
+    converter: the module whose ``convert(mesh, unread)`` makes a Source of any mesh, to be written in this
+        format; None where files of other formats cannot be written in it.
+    meshio: meshio's name for the format and the options its writer gets, where meshio converts.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    signature: re.Pattern[bytes] | None = None
+    reader: str = _MESHIO
+    several: bool = False
+    converter: str | None = _MESHIO
+    meshio: tuple[str, Mapping[str, Any]] = field(default=("", {}))
+
+    def read(self, file: InputFile) -> Source:
+        """Read a file of this format; raises InputError."""
+        if self.reader == _MESHIO:
+            from dvr_cli.files import meshio_source
+
+            return meshio_source.read(file, self.name)
+        read = import_module(f"dvr_cli.files.{self.reader}").read
+        return read(file if self.several else file.data)
+
+    def convert(self, mesh: Mesh, unread: Sequence[str]) -> Source:
+        """A Source that writes ``mesh``, read from another format, in this one.
+
+        unread: what the file it was read from holds beyond the mesh, one line each.
+        Raises OutputError where that cannot be done.
+        """
+        if self.converter is None:
+            raise OutputError(f"{self.name} can only be written where the input is {self.name}, too")
+        if self.converter == _MESHIO:
+            from dvr_cli.files.meshio_source import MeshioSource
+
+            return MeshioSource(mesh, self.name, unread)
+        return import_module(f"dvr_cli.files.{self.converter}").convert(mesh, unread)
+
+
+_COMMENTS = rb"\s*(#[^\n]*\n\s*)*"
+
+REGISTRY = (
+    Format(
+        "gmsh",
+        (".msh", ".msh2", ".msh4"),
+        re.compile(rb"\s*\$(MeshFormat|Comments|NOD)\b"),
+        reader="gmsh",
+        meshio=("gmsh22", {"binary": True}),  # its 4.1 needs tags that other formats do not have
+    ),
+    Format(
+        "vtk",
+        (".vtk",),
+        re.compile(rb"\s*# vtk DataFile"),
+        reader="vtk",
+        meshio=("vtk42", {}),  # its default, 5.1, is one Gmsh cannot open
+    ),
+    Format(
+        "vtu",
+        (".vtu",),
+        re.compile(rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<VTKFile", re.DOTALL),
+    ),
+    Format("medit", (".mesh", ".meshb"), re.compile(_COMMENTS + rb"MeshVersionFormatted")),
+    Format("off", (".off",), re.compile(_COMMENTS + rb"(C?O?FF)\b")),
+    Format("ply", (".ply",), re.compile(rb"ply\r?\n")),
+    Format(
+        "obj",
+        (".obj",),
+        re.compile(rb"(\s*#[^\n]*\n|\s*(mtllib|usemtl|o|g|s)\s[^\n]*\n|\s*\n)*\s*v[tn]?\s+[-+.\d]"),
+        reader="obj",
+    ),
+    Format("tetgen", (".node", ".ele"), reader="tetgen", several=True, converter=None),
+    Format("abaqus", (".inp",)),
+    Format("nastran", (".bdf", ".fem", ".nas")),
+    Format("su2", (".su2",)),
+    Format("stl", (".stl",), meshio=("stl", {"binary": True})),
+    Format("xdmf", (".xdmf", ".xmf")),
+    Format("med", (".med",)),
+    Format("cgns", (".cgns",)),
+    Format("exodus", (".e", ".exo", ".ex2")),
+    Format("h5m", (".h5m",)),
+    Format("avsucd", (".avs",)),
+    Format("dolfin-xml", (".xml",)),
+    Format("flac3d", (".f3grid",)),
+    Format("hmf", (".hmf",)),
+    Format("mdpa", (".mdpa",)),
+    Format("netgen", (".vol",)),
+    Format("permas", (".post",)),
+    Format("tecplot", (".dat", ".tec")),
+    Format("ugrid", (".ugrid",)),
 )
+FORMATS = tuple(sorted(record.name for record in REGISTRY))
 
 
-def format_named(name: str) -> str:
-    """``name`` if it is a format; raises UsageError that lists those there are."""
-    if name not in FORMATS:
-        raise UsageError(f"unknown format {name!r}; known: {', '.join(FORMATS)}")
-    return name
+def format_named(name: str) -> Format:
+    """The format called ``name``; raises UsageError that lists those there are."""
+    for record in REGISTRY:
+        if record.name == name:
+            return record
+    raise UsageError(f"unknown format {name!r}; known: {', '.join(FORMATS)}")
 
 
-def format_by_suffix(path: Path) -> str | None:
-    """The format the suffix of ``path`` stands for, or None."""
-    return _SUFFIXES.get(path.suffix.lower())
+def formats_by_suffix(path: Path) -> list[Format]:
+    """The formats that the suffix of ``path`` may stand for, the likeliest first."""
+    return [record for record in REGISTRY if path.suffix.lower() in record.suffixes]
 
 
-def sniff(data: bytes) -> str | None:
-    """The format that the first bytes of a file give away, or None."""
+def format_of(path: Path, data: bytes) -> Format | None:
+    """The format of a file: that of its suffix, where several share it the one its first bytes give away.
+
+    A suffix that tells nothing leaves it to the first bytes. None where they do not tell, either.
+    """
+    known = formats_by_suffix(path)
+    if len(known) == 1:
+        return known[0]
     head = bytes(data[:4096])
-    return next((name for pattern, name in _SIGNATURES if pattern.match(head)), None)
+    told = (r for r in known or REGISTRY if r.signature is not None and r.signature.match(head))
+    return next(told, known[0] if known else None)

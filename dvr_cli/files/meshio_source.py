@@ -13,12 +13,13 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 
 from dvr_cli.errors import DvrError, InputError, OutputError, UsageError
-from dvr_cli.files.source import Source
+from dvr_cli.files.formats import format_named
+from dvr_cli.files.source import InputFile, Source
 from dvr_cli.mesh.convert import from_meshio, to_meshio
 from dvr_cli.mesh.mesh import Mesh
 
@@ -27,12 +28,6 @@ _MEDIT_READ = frozenset(
     b"MeshVersionFormatted Dimension Vertices Edges Triangles Quadrilaterals Tetrahedra Hexahedra Hexaedra "
     b"Prisms Pyramids End".split()
 )
-# How to have meshio write a format, where that is not its default.
-_WRITE_AS: dict[str, tuple[str, dict[str, Any]]] = {
-    "gmsh": ("gmsh22", {"binary": True}),  # its 4.1 needs tags that other formats do not have
-    "vtk": ("vtk42", {}),  # its default, 5.1, is one Gmsh cannot open
-    "stl": ("stl", {"binary": True}),
-}
 
 
 class MeshioSource(Source):
@@ -44,7 +39,6 @@ class MeshioSource(Source):
         self.mesh = mesh
         self.format = format_name
         self.unread = list(unread)
-        self.file_name = "mesh"  # of the output: meshio tells binary from text by it in some formats
         self._last: tuple[tuple[str, bytes], tuple[bytes, Mesh]] | None = None
 
     def write(self, points: np.ndarray, file: BinaryIO) -> None:
@@ -60,17 +54,22 @@ class MeshioSource(Source):
     def with_cell_field(self, name: str, values: list[np.ndarray], points: np.ndarray) -> MeshioSource:
         mesh = replace(self.mesh, cell_data={**self.mesh.cell_data, name: values})
         result = MeshioSource(mesh, self.format, self.unread)
-        result.file_name = self.file_name
+        result.target = self.target
         if name not in result._written(points)[1].cell_data:
             raise UsageError(f"{self.format} cannot hold the cell field {name!r}; write .vtu instead")
         return result
+
+    @property
+    def _file_name(self) -> str:
+        """The output's: meshio tells binary from text by it in some formats."""
+        return self.target.name if self.target else "mesh"
 
     def _written(self, points: np.ndarray) -> tuple[bytes, Mesh]:
         """The bytes meshio writes, and the mesh it reads back from them; the last are kept.
 
         What was just tried out by ``stored`` is mostly what ``write`` is asked for next.
         """
-        wanted = self.file_name, points.tobytes()
+        wanted = self._file_name, points.tobytes()
         if self._last is None or self._last[0] != wanted:
             self._last = wanted, self._write_and_read(points)
         return self._last[1]
@@ -78,13 +77,13 @@ class MeshioSource(Source):
     def _write_and_read(self, points: np.ndarray) -> tuple[bytes, Mesh]:
         import meshio
 
-        name, options = _WRITE_AS.get(self.format, (self.format, {}))
+        name, options = format_named(self.format).meshio
         with tempfile.TemporaryDirectory(prefix="dvr-") as folder:
-            path = Path(folder) / self.file_name
+            path = Path(folder) / self._file_name
             with _guarded(OutputError, f"meshio cannot write this mesh as {self.format}"):
-                meshio.write(path, to_meshio(self.mesh, points), file_format=name, **options)
+                meshio.write(path, to_meshio(self.mesh, points), file_format=name or self.format, **options)
             try:
-                back = read(path, self.format).mesh
+                back = read_path(path, self.format).mesh
             except InputError as error:
                 raise OutputError(
                     f"meshio writes this mesh as {self.format}, but cannot read it back"
@@ -94,8 +93,18 @@ class MeshioSource(Source):
             return path.read_bytes(), back
 
 
-def read(path: Path, format_name: str) -> MeshioSource:
+def read(file: InputFile, format_name: str) -> MeshioSource:
     """Read a file through meshio; raises InputError (without the file's name) if it cannot."""
+    if file.path is not None and file.path.is_file():
+        return read_path(file.path, format_name)
+    with tempfile.TemporaryDirectory(prefix="dvr-") as folder:  # meshio reads twice, a pipe can be read once
+        spooled = Path(folder) / "mesh"
+        spooled.write_bytes(file.data)
+        return read_path(spooled, format_name)
+
+
+def read_path(path: Path, format_name: str) -> MeshioSource:
+    """Read the file at ``path`` through meshio; raises InputError."""
     import meshio
 
     with _guarded(InputError, f"not readable as {format_name}") as printed:

@@ -5,6 +5,7 @@ Shared by the formats that may be text (legacy VTK, OBJ, TetGen).
 
 from __future__ import annotations
 
+import math
 import re
 import warnings
 from typing import BinaryIO
@@ -102,6 +103,47 @@ def write_replaced(
         file.write(b"".join(pieces))
         done = token_ends[-1]
     file.write(memoryview(data)[done:])
+
+
+def fitted(value: float, width: int, exponent: str = "e") -> bytes:
+    """The shortest text of at most ``width`` characters that reads back as ``value``, else the nearest one.
+
+    It has a decimal point, so that no reader takes it for a whole number. exponent: what stands between
+    digits and exponent: "e", "D", or nothing where a sign is enough ("1.5-3", as Nastran writes).
+    Raises ValueError for a number that no text of this width comes near.
+    """
+    nearest, error = b"", math.inf
+    for digits in range(17, 0, -1):
+        for text in _spellings(value, digits, exponent):
+            off = abs(float(text.replace(exponent, "e") if exponent else _with_e(text)) - value)
+            if len(text) <= width and (off < error or (off == error and len(text) < len(nearest))):
+                nearest, error = text.encode(), off
+        if error == 0.0 and digits < 15:  # shorter ones are not equal, or were found already
+            break
+    if not nearest:
+        raise ValueError(f"{value!r} does not fit {width} characters")
+    return nearest
+
+
+def _spellings(value: float, digits: int, exponent: str) -> list[str]:
+    """Texts for ``value`` rounded to so many significant digits: positional, and with an exponent."""
+    mantissa, power = f"{value:.{digits - 1}e}".split("e")
+    mantissa = f"{mantissa.rstrip('0') if '.' in mantissa else mantissa}"
+    mantissa = mantissa if "." in mantissa else f"{mantissa}."
+    positional = f"{value:.{max(0, digits - 1 - int(power))}f}" if -20 < int(power) < 20 else ""
+    if "." in positional:
+        positional = positional.rstrip("0")
+    elif positional:
+        positional += "."
+    positional = re.sub(r"^(-?)0\.(?=\d)", r"\1.", positional)
+    sign = "-" if power[0] == "-" else "" if exponent else "+"
+    texts = [f"{mantissa}{exponent}{sign}{power[1:].lstrip('0') or '0'}"]
+    return [positional, *texts] if positional else texts
+
+
+def _with_e(text: str) -> str:
+    """The text of a number whose exponent is marked by its sign alone, as Python reads it."""
+    return re.sub(r"(?<=[\d.])([+-])", r"e\1", text)
 
 
 def shown(word: bytes | str) -> str:

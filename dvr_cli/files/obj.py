@@ -13,7 +13,7 @@ import numpy as np
 
 from dvr_cli.errors import InputError
 from dvr_cli.files.numbers_in_text import Rows, inside_spans, is_blank, shown, write_replaced
-from dvr_cli.files.source import Source
+from dvr_cli.files.source import Source, differing
 from dvr_cli.files.vtk.cells import POLY_LINE, POLY_VERTEX, POLYGON, CellList, blocks_of, joined
 from dvr_cli.mesh.mesh import Mesh
 
@@ -45,7 +45,7 @@ class ObjSource(Source):
 
     def write(self, points: np.ndarray, file: BinaryIO) -> None:
         """Write the file with the coordinates ``points`` ((N, 3))."""
-        changed = np.ascontiguousarray(points).view(np.int64) != self.mesh.points.view(np.int64)
+        changed = differing(points, self.mesh.points)
         write_replaced(file, self._data, self._starts[changed], self._ends[changed], points[changed])
 
 

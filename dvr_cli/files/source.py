@@ -7,13 +7,37 @@ bytes it was read from and replaces the coordinates in them; everything else is 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
-from dvr_cli.errors import UsageError
+from dvr_cli.errors import InputError, UsageError
 from dvr_cli.mesh.mesh import Mesh
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """The bytes of a mesh file, and where it is; path: None for a pipe."""
+
+    data: bytes
+    path: Path | None
+
+    def beside(self, name: str | Path) -> bytes:
+        """The bytes of another file the mesh consists of; name: its path, relative to this file's directory.
+
+        Raises InputError if it cannot be read, or this file is a pipe and so has no directory.
+        """
+        if self.path is None:
+            raise InputError(f"a mesh in several files cannot be piped: {name} belongs to it")
+        path = self.path.parent / name
+        try:
+            return path.read_bytes()
+        except FileNotFoundError as error:
+            raise InputError(f"its other part {path} is missing") from error
+        except OSError as error:
+            raise InputError(f"{path}: {(error.strerror or str(error)).lower()}") from error
 
 
 class Source(ABC):
@@ -21,20 +45,20 @@ class Source(ABC):
 
     mesh: what the file holds.
     format: the name of its format as ``--input-format`` and ``--output-format`` take it.
-    companions: other files the mesh consists of, bytes by suffix; they are written unchanged.
+    target: the file ``write`` is for, None for a pipe.
     unread: what the file holds beyond the mesh, so that other formats will not have it, one line each.
     notes: what the output cannot keep, one line each, as of the last ``stored`` or ``write``.
     """
 
     mesh: Mesh
     format: str
-    companions: Mapping[str, bytes]
+    target: Path | None
     unread: list[str]
     notes: list[str]
 
     def __init__(self) -> None:
-        """No companions, nothing lost so far."""
-        self.companions = {}
+        """Nothing lost so far."""
+        self.target = None
         self.unread = []
         self.notes = []
 
@@ -44,6 +68,15 @@ class Source(ABC):
 
         A vertex whose coordinates are bit-identical to those read keeps its very bytes.
         """
+
+    @property
+    def main(self) -> Path | None:
+        """The file that holds what ``write`` writes: the target, unless that names another of several."""
+        return self.target
+
+    def companions(self, points: np.ndarray) -> dict[Path, bytes]:
+        """The other files that belong to the output at ``target``, by path: none for most formats."""
+        return {}
 
     def stored(self, points: np.ndarray) -> np.ndarray:
         """The coordinates a reader of ``write(points, ...)`` gets: rounded where the file stores float32."""
@@ -62,3 +95,8 @@ class Source(ABC):
             f"{self.format} to {self.format} changes coordinates only, so there is no place for the cell "
             f"field {name!r}; write .vtu instead"
         )
+
+
+def differing(points: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Which coordinates differ in any bit (so -0.0 from 0.0) from those before; bool, of their shape."""
+    return np.ascontiguousarray(points).view(np.int64) != np.ascontiguousarray(before).view(np.int64)

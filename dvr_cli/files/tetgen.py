@@ -5,13 +5,14 @@ Only the .node file holds coordinates, so it alone is written anew; the .ele fil
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
 from dvr_cli.errors import InputError
 from dvr_cli.files.numbers_in_text import Rows, inside_spans, write_replaced
-from dvr_cli.files.source import Source
+from dvr_cli.files.source import InputFile, Source, differing
 from dvr_cli.mesh.mesh import Cells, Mesh
 
 _MOST = 1 << 40  # larger counts can only come from damage
@@ -33,18 +34,34 @@ class TetgenSource(Source):
     def __init__(self, node: bytes, ele: bytes, mesh: Mesh, starts: np.ndarray, ends: np.ndarray) -> None:
         super().__init__()
         self.mesh = mesh
-        self.companions = {".ele": ele}
         self._node = node
+        self._ele = ele
         self._starts = starts
         self._ends = ends
 
     def write(self, points: np.ndarray, file: BinaryIO) -> None:
         """Write the .node file with the coordinates ``points`` ((N, 2) or (N, 3))."""
-        changed = np.ascontiguousarray(points).view(np.int64) != self.mesh.points.view(np.int64)
+        changed = differing(points, self.mesh.points)
         write_replaced(file, self._node, self._starts[changed], self._ends[changed], points[changed])
 
+    @property
+    def main(self) -> Path | None:
+        """The .node file, whichever of the two was named."""
+        return self.target and self.target.with_suffix(".node")
 
-def read(node: bytes, ele: bytes) -> TetgenSource:
+    def companions(self, points: np.ndarray) -> dict[Path, bytes]:
+        """The .ele file, as it was."""
+        return {self.target.with_suffix(".ele"): self._ele} if self.target else {}
+
+
+def read(file: InputFile) -> TetgenSource:
+    """Read a pair of files, either of which is ``file``; see ``read_pair``."""
+    if file.path is None:
+        raise InputError("a TetGen mesh is two files and cannot be piped")
+    return read_pair(*(file.beside(file.path.with_suffix(suffix).name) for suffix in (".node", ".ele")))
+
+
+def read_pair(node: bytes, ele: bytes) -> TetgenSource:
     """Read the .node and the .ele file of a mesh.
 
     Attributes of vertices become the point data "tetgen:attr1", "tetgen:attr2", ..., boundary markers the

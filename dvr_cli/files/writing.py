@@ -15,8 +15,7 @@ from typing import BinaryIO
 import numpy as np
 
 from dvr_cli.errors import OutputError, UsageError
-from dvr_cli.files.formats import FORMATS, format_by_suffix, format_named
-from dvr_cli.files.meshio_source import MeshioSource
+from dvr_cli.files.formats import FORMATS, Format, format_named, formats_by_suffix
 from dvr_cli.files.reading import STANDARD
 from dvr_cli.files.source import Source
 
@@ -36,13 +35,12 @@ class Output:
         Raises UsageError for an unknown format or one that cannot hold the field, OutputError for one that
         cannot be had.
         """
-        name = output_format_of(path, format_name) or source.format
-        if name == "tetgen" != source.format:
-            raise OutputError(f"{path}: a TetGen pair can only be written from a TetGen pair")
+        record = output_format_of(path, format_name, source.format) or format_named(source.format)
         self._path = path
-        self._writer = source if name == source.format else MeshioSource(source.mesh, name, source.unread)
-        if isinstance(self._writer, MeshioSource) and path != STANDARD:
-            self._writer.file_name = path.name
+        with _naming_output(path):
+            same = record.name == source.format
+            self._writer = source if same else record.convert(source.mesh, source.unread)
+        self._writer.target = None if is_stream(path) else path
         self._field = field
         if field is not None:
             self.fill([np.zeros(len(block.vertices)) for block in source.mesh.cells], source.mesh.points)
@@ -56,17 +54,13 @@ class Output:
 
     def fill(self, values: list[np.ndarray], points: np.ndarray) -> None:
         """Set the field: its value in each cell, one array a block. points: what is to be written with it."""
-        try:
+        with _naming_output(self._path):
             self._writer = self._writer.with_cell_field(self._field or "", values, points)
-        except (UsageError, OutputError) as error:
-            raise type(error)(f"{self._path}: {error}") from error
 
     def stored(self, points: np.ndarray) -> np.ndarray:
         """``points`` as a reader of the output will get them."""
-        try:
+        with _naming_output(self._path):
             return self._writer.stored(points)
-        except OutputError as error:
-            raise OutputError(f"{self._path}: {error}") from error
 
     def widen(self) -> bool:
         """Have coordinates stored in float64 from now on; False if they are already or cannot be."""
@@ -74,6 +68,7 @@ class Output:
         if wide is None:
             return False
         wide.notes.append("coordinates are stored in 64 bits, as rounding them to 32 would lower the quality")
+        wide.target = self._writer.target
         self._writer = wide
         return True
 
@@ -84,27 +79,28 @@ class Output:
             self._writer.write(points, stream)
             stream.flush()
             return
-        main = self._path.with_suffix(".node") if self._writer.format == "tetgen" else self._path
         with contextlib.ExitStack() as files:  # none takes its place unless all could be written
-            for suffix, data in self._writer.companions.items():
-                companion = files.enter_context(_replacing(self._path.with_suffix(suffix)))
+            for path, data in self._writer.companions(points).items():
+                companion = files.enter_context(_replacing(path))
                 companion.write(data)
                 companion.flush()
-            self._writer.write(points, files.enter_context(_replacing(main)))
+            self._writer.write(points, files.enter_context(_replacing(self._writer.main or self._path)))
 
 
-def output_format_of(path: Path, given: str | None) -> str | None:
+def output_format_of(path: Path, given: str | None, of_input: str | None = None) -> Format | None:
     """The format named or told by the suffix of ``path``; None for a stream, which takes the input's.
+
+    of_input: the input's format, which is taken where several share the suffix.
 
     Raises UsageError for an unknown name, or a file whose suffix tells nothing.
     """
     if given is not None:
         return format_named(given)
-    name = format_by_suffix(path)
-    if name is None and not is_stream(path):
+    known = formats_by_suffix(path)
+    if not known and not is_stream(path):
         what = f"its suffix {path.suffix!r}" if path.suffix else "a name without suffix"
         raise UsageError(f"{path}: {what} tells no format; name one of {', '.join(FORMATS)}")
-    return name
+    return next((record for record in known if record.name == of_input), known[0] if known else None)
 
 
 def is_stream(path: Path) -> bool:
@@ -171,6 +167,15 @@ def _replacing(path: Path) -> Iterator[BinaryIO]:
         except BaseException:
             temporary.unlink(missing_ok=True)
             raise
+
+
+@contextlib.contextmanager
+def _naming_output(path: Path) -> Iterator[None]:
+    """Put the output's name before what cannot be written, or asked for, in its format."""
+    try:
+        yield
+    except (UsageError, OutputError) as error:
+        raise type(error)(f"{path}: {error}") from error
 
 
 @contextlib.contextmanager

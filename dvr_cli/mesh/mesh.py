@@ -35,6 +35,8 @@ class Mesh:
     field_data: names of groups: name -> (tag, dimension).
     cell_sets: groups by their cells: name -> for each block the positions in it.
     point_sets: groups of vertices by name.
+    facet_sets: named facets that are no cells of the file (side sets, surfaces): name -> (n, w) vertices of
+        each, w the largest, shorter rows ending in -1.
     periodic: (K, 2) int array of linked vertices (slave, master), empty when there are none.
     """
 
@@ -45,6 +47,7 @@ class Mesh:
     field_data: dict[str, np.ndarray] = field(default_factory=dict)
     cell_sets: dict[str, list[np.ndarray]] = field(default_factory=dict)
     point_sets: dict[str, np.ndarray] = field(default_factory=dict)
+    facet_sets: dict[str, np.ndarray] = field(default_factory=dict)
     periodic: np.ndarray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
 
     @property

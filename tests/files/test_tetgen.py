@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 
 import meshio
 import numpy as np
@@ -83,7 +84,7 @@ def written(source: TetgenSource, points: np.ndarray) -> bytes:
 
 
 def test_points_cells_and_data():
-    mesh = tetgen.read(NODE, ELE).mesh
+    mesh = tetgen.read_pair(NODE, ELE).mesh
     assert mesh.points.tolist() == [[0, 0, 0], [1.5, 0, 0], [0, 1, 0], [0, 0, 1]]
     assert [(block.type, block.vertices.tolist()) for block in mesh.cells] == [("tetra", [[0, 1, 2, 3]])]
     assert mesh.cell_data["tetgen:ref"][0].tolist() == [17]
@@ -95,25 +96,28 @@ def test_points_cells_and_data():
 @pytest.mark.parametrize("name", PAIRS)
 def test_unmoved_is_identical(name):
     node, ele = PAIRS[name]
-    source = tetgen.read(node, ele)
+    source = tetgen.read_pair(node, ele)
     assert written(source, source.mesh.points.copy()) == node
-    assert source.companions[".ele"] == ele
+    source.target = Path("out.node")
+    assert source.companions(source.mesh.points) == {Path("out.ele"): ele}
     assert source.mesh.cells[0].type == name
 
 
 def test_moved_differs_in_coordinates_only():
-    source = tetgen.read(NODE, ELE)
+    source = tetgen.read_pair(NODE, ELE)
     points = source.mesh.points.copy()
     points[1, :2] = 0.1, 1e-17
     expected = NODE.replace(b"1.5e0  0 0", b"0.1  1e-17 0").replace(b"\r", b"")
     assert written(source, points) == expected
     assert (
-        tetgen.read(expected, ELE).mesh.points.tolist() == source.stored(points).tolist() == points.tolist()
+        tetgen.read_pair(expected, ELE).mesh.points.tolist()
+        == source.stored(points).tolist()
+        == points.tolist()
     )
 
 
 def test_a_plane_mesh_has_two_coordinates():
-    source = tetgen.read(*PAIRS["triangle"])
+    source = tetgen.read_pair(*PAIRS["triangle"])
     assert source.mesh.points.shape == (9, 2)
     points = source.mesh.points.copy()
     points[6] = 1.1, 0.4
@@ -129,7 +133,7 @@ def test_a_plane_mesh_has_two_coordinates():
     ],
 )
 def test_midside_nodes_lie_where_meshio_puts_them(name, edges):
-    mesh = tetgen.read(*PAIRS[name]).mesh
+    mesh = tetgen.read_pair(*PAIRS[name]).mesh
     x = mesh.points[mesh.cells[0].vertices]
     corners = x.shape[1] - len(edges)
     for i, (a, b) in enumerate(edges):
@@ -141,8 +145,8 @@ def test_numbers_may_begin_at_zero(name):
     node, ele = PAIRS[name]
     lines = node.split(b"\n")
     rows = [b"%d %s" % (i, line.split(b" ", 1)[1]) for i, line in enumerate(lines[1:-1])]
-    zero = tetgen.read(b"\n".join([lines[0], *rows]), from_zero(ele)).mesh
-    one = tetgen.read(node, ele).mesh
+    zero = tetgen.read_pair(b"\n".join([lines[0], *rows]), from_zero(ele)).mesh
+    one = tetgen.read_pair(node, ele).mesh
     assert zero.points.tolist() == one.points.tolist()
     assert zero.cells[0].vertices.tolist() == one.cells[0].vertices.tolist()
 
@@ -150,8 +154,8 @@ def test_numbers_may_begin_at_zero(name):
 @pytest.mark.parametrize("line_end", [b"\r\n", b"\r"])
 def test_other_line_ends(line_end):
     node, ele = NODE.replace(b"\n", line_end), ELE.replace(b"\n", line_end)
-    source = tetgen.read(node, ele)
-    assert source.mesh.points.tolist() == tetgen.read(NODE, ELE).mesh.points.tolist()
+    source = tetgen.read_pair(node, ele)
+    assert source.mesh.points.tolist() == tetgen.read_pair(NODE, ELE).mesh.points.tolist()
     assert written(source, source.mesh.points.copy()) == node
 
 
@@ -165,7 +169,7 @@ def test_meshio_reads_and_writes_the_same(tmp_path):
     )
     meshio.write(tmp_path / "x.node", given)
     node, ele = (tmp_path / "x.node").read_bytes(), (tmp_path / "x.ele").read_bytes()
-    source = tetgen.read(node, ele)
+    source = tetgen.read_pair(node, ele)
     assert source.mesh.points.tolist() == given.points.tolist()
     assert source.mesh.cells[0].vertices.tolist() == given.cells[0].data.tolist()
     assert source.mesh.cell_data["tetgen:ref"][0].tolist() == given.cell_data["tetgen:ref"][0].tolist()
@@ -205,7 +209,7 @@ def test_meshio_reads_and_writes_the_same(tmp_path):
 )
 def test_refused_with_one_line_that_says_why(node, ele, words):
     with pytest.raises(InputError) as caught:
-        tetgen.read(node, ele)
+        tetgen.read_pair(node, ele)
     assert words in str(caught.value)
     assert str(caught.value).isprintable()
 
@@ -222,7 +226,7 @@ def test_damaged_files_raise_input_errors_only(count):
         else:
             ele = whole[i % 4][1]
         try:
-            source = tetgen.read(node, ele)
+            source = tetgen.read_pair(node, ele)
         except InputError as error:
             messages.append(str(error))
             continue
@@ -232,7 +236,7 @@ def test_damaged_files_raise_input_errors_only(count):
         vertices = mesh.cells[0].vertices
         assert 0 <= vertices.min() <= vertices.max() < len(mesh.points)
         points = mesh.points + 0.25
-        again = tetgen.read(written(source, points), ele).mesh
+        again = tetgen.read_pair(written(source, points), ele).mesh
         assert np.array_equal(again.points, points, equal_nan=True)
         assert again.cells[0].vertices.tolist() == vertices.tolist()
     assert read_well > 0.075 * count

@@ -49,7 +49,7 @@ class HalfWritten(Source):
 
     def __init__(self, source: Source, error: BaseException) -> None:
         super().__init__()
-        self.mesh, self.format, self.companions = source.mesh, source.format, source.companions
+        self.mesh, self.format, self.companions = source.mesh, source.format, source.companions  # type: ignore
         self._error = error
 
     def write(self, points, file):
@@ -404,4 +404,4 @@ def test_half_a_pair(pair, capsys):
     assert smooth(pair / "in.node", pair / "out.node") == 3
     assert "in.ele is missing" in capsys.readouterr().err
     assert smooth(fan(pair / "a.msh"), pair / "out.node") == 4
-    assert "only be written from a TetGen pair" in capsys.readouterr().err
+    assert "only be written where the input is tetgen" in capsys.readouterr().err

@@ -19,7 +19,7 @@ from dvr_cli.files.gmsh.nodes import NodeBlocks, Nodes
 from dvr_cli.files.gmsh.numbers import read_numbers
 from dvr_cli.files.gmsh.patch import patch_nodes
 from dvr_cli.files.gmsh.sections import Header, Section, find_sections, read_header
-from dvr_cli.files.source import Source
+from dvr_cli.files.source import Source, differing
 from dvr_cli.mesh.mesh import Mesh
 
 _Parts = tuple[Nodes, list[Elements], np.ndarray]  # the last: periodic pairs of node tags
@@ -44,7 +44,7 @@ class GmshSource(Source):
     def write(self, points: np.ndarray, file: BinaryIO) -> None:
         """Write the file with other coordinates; ``notes`` says if parametric ones had to go."""
         points = np.ascontiguousarray(points, dtype=np.float64)
-        changed = points.view(np.int64) != self._points.view(np.int64)
+        changed = differing(points, self._points)
         self.notes = []
         if not changed.any():
             file.write(self._data)

@@ -11,7 +11,7 @@ from typing import BinaryIO
 import numpy as np
 
 from dvr_cli.files.numbers_in_text import parse_numbers, token_spans, write_replaced
-from dvr_cli.files.source import Source
+from dvr_cli.files.source import Source, differing
 from dvr_cli.files.vtk.cells import blocks_of, structured_block
 from dvr_cli.files.vtk.data import read_data
 from dvr_cli.files.vtk.geometry import Geometry, PointsSection, read_geometry
@@ -40,7 +40,7 @@ class VtkSource(Source):
         In a file whose coordinates are whole numbers they become double as soon as one has changed.
         """
         points = self.stored(points)
-        changed = _differ(points, self.mesh.points)
+        changed = differing(points, self.mesh.points)
         section = self._section
         if not changed.any():
             file.write(self._data)
@@ -75,7 +75,7 @@ class VtkSource(Source):
             text = BytesIO()
             exact = parse_numbers(self._data[old.begin : old.end], self.mesh.points.size, np.float64)
             # what was rounded to float on reading is written as rounded
-            self._write_text(self.mesh.points, _differ(exact.reshape(-1, 3), self.mesh.points), text)
+            self._write_text(self.mesh.points, differing(exact.reshape(-1, 3), self.mesh.points), text)
             values = text.getvalue()
         head = self._data[: old.type_begin] + b"double"
         head += self._data[old.type_begin + len(old.type_name) : old.begin]
@@ -125,8 +125,3 @@ def _blocks(geometry: Geometry) -> tuple[list[Cells], list[np.ndarray]]:
         return [block], [np.arange(len(block.vertices))]
     cells, types = geometry.cells()
     return blocks_of(cells, types, len(geometry.points), by_size=geometry.dataset == "polydata")
-
-
-def _differ(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Which coordinates differ in any bit (so -0.0 from 0.0)."""
-    return np.ascontiguousarray(a).view(np.int64) != np.ascontiguousarray(b).view(np.int64)
