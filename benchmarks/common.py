@@ -13,9 +13,9 @@ import numpy as np
 
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
-from dvr_cli.relax.choice import has_numba, make_engine
 from dvr_cli.relax.directions import random_field
-from dvr_cli.relax.engine import Engine
+from dvr_cli.relax.engines.choice import has_numba, make_engine
+from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import build_problem
 
 Contender = tuple[str, int]  # an engine's name and its number of threads

@@ -23,7 +23,7 @@ from common import (
     warm_up,
 )
 from dvr_cli.mesh.mesh import Mesh
-from dvr_cli.report.quality import measure
+from dvr_cli.quality.measure import measure
 
 _SWEEPS = 5
 _ROUNDS = 3  # the quickest of each part counts: what slows it is other work on the machine

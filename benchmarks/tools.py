@@ -13,7 +13,7 @@ import meshes
 from common import fastest, print_table, warm_up
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
-from dvr_cli.report.quality import measure
+from dvr_cli.quality.measure import measure
 from smoothers import (
     Case,
     Smoother,

@@ -16,7 +16,6 @@ from numba import njit
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 # IEEE arithmetic as written: nothing fused or reassociated, division by zero as in NumPy
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
-_COMPILED = ("mesh", "quality", "relax")  # the folders with compiled functions
 
 
 def compiled(function: _Function, **options: Any) -> _Function:
@@ -45,9 +44,18 @@ def forget_outdated(directory: str) -> None:
 
     numba notices when the file of a function changes, but not those of the functions and constants it uses.
     """
-    sources = [path for folder in _COMPILED for path in (Path(__file__).parent / folder).glob("*.py")]
-    changed = max((path.stat().st_mtime for path in sources), default=0.0)  # there are none in an archive
     with suppress(OSError):
         for index in Path(directory).glob("*.nbi"):
-            if index.stat().st_mtime < changed:
+            if index.stat().st_mtime < _last_change():
                 index.unlink()
+
+
+@cache
+def _last_change() -> float:
+    """When a source was changed last, this one or any in the package's folders with compiled modules."""
+    package = Path(__file__).parent
+    folders = {path.relative_to(package).parts[0] for path in package.rglob("*_numba.py")}
+    sources = [path for folder in folders for path in (package / folder).rglob("*.py")]
+    with suppress(OSError):  # there are none in an archive
+        return max(path.stat().st_mtime for path in [Path(__file__), *sources])
+    return 0.0

@@ -15,7 +15,7 @@ import dvr_cli
 from common import AFTER, BEFORE, OTHER, SWEEPS, new_figure, save, triangle_quality
 from dvr_cli.mesh.corners import corners_of
 from dvr_cli.mesh.mesh import Cells
-from dvr_cli.relax.numpy_engine import NumpyEngine
+from dvr_cli.relax.engines.numpy_engine import NumpyEngine
 from dvr_cli.relax.problem import build_problem
 
 SQUARE = np.array([[0.35, 0.85], [0, 0], [1, 0.1], [0.9, 1], [0.1, 1.05]])

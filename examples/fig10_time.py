@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 import dvr_cli
 from common import AFTER, BEFORE, SWEEPS, new_figure, random_mesh, save
-from dvr_cli.relax.choice import has_numba
+from dvr_cli.relax.engines.choice import has_numba
 
 
 @dataclass

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import Delaunay
 
-from dvr_cli.mesh.freedom import Freedom
+from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.mesh.mesh import Cells, Mesh
 
 KINDS = ("triangle", "quad", "tetra", "hexahedron", "wedge", "pyramid", "mixed2d", "mixed3d")

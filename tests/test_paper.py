@@ -10,7 +10,7 @@ from dvr_cli.mesh.corners import corners_of
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality.vector import at_least
-from dvr_cli.relax.numpy_engine import NumpyEngine
+from dvr_cli.relax.engines.numpy_engine import NumpyEngine
 from dvr_cli.relax.problem import build_problem
 from meshes import delaunay, hexagon
 

@@ -14,9 +14,9 @@ from dvr_cli.errors import UsageError
 from dvr_cli.mesh.convert import as_mesh, from_meshio
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.quality.measure import measure
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.report.compare import Comparison, compare_qualities
-from dvr_cli.report.quality import measure
 from dvr_cli.report.records import QualityReport, SmoothReport, summarise
 
 if TYPE_CHECKING:

@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dvr_cli.api.options import SmoothOptions
-from dvr_cli.mesh.constraints import constraints_of, surface_constraints
-from dvr_cli.mesh.curved import Curved, curved_of
+from dvr_cli.boundary.constraints import constraints_of, surface_constraints
+from dvr_cli.boundary.extent import extent
+from dvr_cli.boundary.features import features_of
+from dvr_cli.boundary.freedom import Freedom, interior_freedom
+from dvr_cli.boundary.smooth_parts import Curved, curved_of
 from dvr_cli.mesh.domain import Domain
-from dvr_cli.mesh.extent import extent
-from dvr_cli.mesh.features import features_of
-from dvr_cli.mesh.freedom import Freedom, interior_freedom
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.directions import DirectionField, random_field
-from dvr_cli.relax.projection import Projection
 from dvr_cli.relax.steepest import Ascent
+from dvr_cli.relax.surface.projection import Projection
 from dvr_cli.relax.sweeps import Relaxation
 from dvr_cli.report.records import BoundaryChange
 

@@ -20,8 +20,8 @@ from dvr_cli.errors import InputError, OutputError
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.mean_ratio import corner_qualities
+from dvr_cli.quality.measure import DEGENERATE, Quality, measure
 from dvr_cli.relax.sweeps import PHASES, Sweep
-from dvr_cli.report.quality import DEGENERATE, Quality, measure
 from dvr_cli.report.records import SmoothReport, summarise
 
 SMALLEST = 2.0**-10  # part of the displacement that a substep makes at least

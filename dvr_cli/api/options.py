@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from dvr_cli.api.selection import Selection
 from dvr_cli.errors import UsageError
 from dvr_cli.files.arrays import read_directions, read_vertices, whole_numbers
-from dvr_cli.relax.choice import checked_threads, chosen_engine, has_numba
 from dvr_cli.relax.directions import Entry, check_name
+from dvr_cli.relax.engines.choice import checked_threads, chosen_engine, has_numba
 from dvr_cli.relax.schedule import ORDERS
-from dvr_cli.relax.selection import Selection
 from dvr_cli.relax.stopping import Stopping
 
 BOUNDARIES = ("fixed", "slide", "project")  # each frees the vertices of those before it, and more

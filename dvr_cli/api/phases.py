@@ -12,12 +12,12 @@ from dvr_cli.api.boundary import Moves, projected
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.relax.directions import DirectionField, restricted
-from dvr_cli.relax.engine import Engine
-from dvr_cli.relax.patches import relax_patches
-from dvr_cli.relax.projection import Projection
+from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.patches.phase import relax_patches
 from dvr_cli.relax.stopping import Stopping
+from dvr_cli.relax.surface.projection import Projection
 from dvr_cli.relax.sweeps import PHASES, Relaxation, Sweep, polish, relax
-from dvr_cli.relax.untangle import Untangling, untangle
+from dvr_cli.relax.untangle.phase import Untangling, untangle
 from dvr_cli.report.records import BoundaryChange
 
 _FINAL = ("interrupted", "time-limit", "nothing-to-relax", "deviation")  # no phase follows

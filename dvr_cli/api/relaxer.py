@@ -14,19 +14,19 @@ import numpy as np
 
 from dvr_cli.api.options import Directions, SmoothOptions
 from dvr_cli.api.smoothing import worse
+from dvr_cli.boundary.freedom import interior_freedom
 from dvr_cli.errors import InputError, UsageError
 from dvr_cli.mesh.convert import as_mesh
 from dvr_cli.mesh.domain import check_coordinates, domain_of
-from dvr_cli.mesh.freedom import interior_freedom
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.neighbours import within_rings
-from dvr_cli.relax.choice import checked_threads, chosen_engine, make_engine
+from dvr_cli.quality.measure import measure
 from dvr_cli.relax.directions import direction_field, restricted
-from dvr_cli.relax.engine import Engine
+from dvr_cli.relax.engines.choice import checked_threads, chosen_engine, make_engine
+from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.relax.sweeps import Sweep, relax
-from dvr_cli.report.quality import measure
 
 if TYPE_CHECKING:
     import meshio

@@ -17,14 +17,14 @@ from dvr_cli.api.untangling import untangle_phase, weaker
 from dvr_cli.errors import InputError, OutputError
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.quality.limits import Limit, limit_of
+from dvr_cli.quality.measure import Quality, mean_quality, measure
 from dvr_cli.quality.vector import at_least
-from dvr_cli.relax.choice import checked_threads, chosen_engine, make_engine
 from dvr_cli.relax.directions import direction_field
-from dvr_cli.relax.engine import Engine
+from dvr_cli.relax.engines.choice import checked_threads, chosen_engine, make_engine
+from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.sweeps import Sweep
-from dvr_cli.report.limits import Limit, limit_of
-from dvr_cli.report.quality import Quality, mean_quality, measure
 from dvr_cli.report.records import SmoothReport, summarise
 
 _DONE = ("converged", "nothing-to-relax")  # the reasons for which relaxing on would gain nothing

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.mesh.domain import Domain
-from dvr_cli.mesh.freedom import Freedom
-from dvr_cli.relax.left import left_over
+from dvr_cli.quality.measure import Quality
 from dvr_cli.relax.sweeps import PHASES
-from dvr_cli.relax.untangle import Untangling
-from dvr_cli.report.quality import Quality
+from dvr_cli.relax.untangle.causes import left_over
+from dvr_cli.relax.untangle.phase import Untangling
 
 
 def untangle_phase(

@@ -11,7 +11,7 @@ from dvr_cli.errors import UsageError
 
 if TYPE_CHECKING:
     from dvr_cli.mesh.mesh import Mesh
-    from dvr_cli.report.quality import Quality
+    from dvr_cli.quality.measure import Quality
 
 PICTURES = (".svg", ".png", ".pdf", ".html")
 

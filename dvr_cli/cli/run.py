@@ -50,9 +50,9 @@ def run(
     """
     from dvr_cli.files import writing
     from dvr_cli.files.reading import open_mesh
-    from dvr_cli.relax.choice import has_numba
+    from dvr_cli.quality.measure import cell_field
+    from dvr_cli.relax.engines.choice import has_numba
     from dvr_cli.report.export import as_csv, as_json
-    from dvr_cli.report.quality import cell_field
     from dvr_cli.report.text import gate_failure, smooth_text
 
     if quiet and verbose:

@@ -81,9 +81,9 @@ def facets_of(blocks: list[Cells], compiled: bool = False) -> Facets:
             row += n
         first += n
     if compiled:
-        from dvr_cli.mesh import compiled as fast
+        from dvr_cli.mesh.facets_numba import facet_order
 
-        order, new = fast.facet_order(vertices, int(vertices.max(initial=-1)) + 1)
+        order, new = facet_order(vertices, int(vertices.max(initial=-1)) + 1)
     else:
         order, new = _facet_order(vertices)
     return Facets(vertices, cell, order, np.append(np.flatnonzero(new), len(cell)))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.mesh.facets import FACETS, local_facets
+from dvr_cli.mesh.hashing import mixed
 from dvr_cli.mesh.mesh import Cells
 
 _CELLS = 1 << 14  # cells looked at together: small enough for the cache
@@ -31,7 +32,7 @@ def enclosed(blocks: list[Cells], region: np.ndarray, n_points: int, compiled: b
         here = of_region[first : first + len(block.vertices)]
         first += len(block.vertices)
         if compiled:
-            from dvr_cli.mesh import compiled as fast
+            from dvr_cli.mesh import interior_numba as fast
 
             with np.errstate(over="ignore"):  # numbers are modulo 2^64, and numba may be told to run Python
                 if block.type in ("triangle", "tetra"):
@@ -57,11 +58,3 @@ def _cancel_facets(
             around = [n for n, facet in zip(numbers, facets, strict=True) if k in facet]
             used[vertex] = True
             np.bitwise_xor.at(left_over, vertex, np.bitwise_xor.reduce(around))
-
-
-def mixed(x: np.ndarray) -> np.ndarray:
-    """Well-mixed 64-bit numbers, one to one with ``x`` (splitmix64)."""
-    x = x * np.uint64(0x9E3779B97F4A7C15)
-    x = (x ^ x >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
-    x = (x ^ x >> np.uint64(27)) * np.uint64(0x94D049BB133111EB)
-    return x ^ x >> np.uint64(31)

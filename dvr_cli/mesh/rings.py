@@ -58,7 +58,7 @@ class Incidence:
         """
         origin_first = ORIGIN_FIRST[corners.dimension]
         if compiled:
-            from dvr_cli.mesh import compiled as fast
+            from dvr_cli.mesh import rings_numba as fast
 
             parts = fast.rings(
                 sequence, self.start, self.corner, self.place, corners.vertices, corners.shapes, origin_first
@@ -79,7 +79,7 @@ def incidence_of(corners: Corners, vertices: np.ndarray, n_points: int, compiled
     number[vertices] = np.arange(len(vertices))
     members = number[corners.vertices]
     if compiled:
-        from dvr_cli.mesh import compiled as fast
+        from dvr_cli.mesh import rings_numba as fast
 
         start, corner, place = fast.incidence(members, len(vertices))
     else:

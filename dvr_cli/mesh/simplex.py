@@ -52,7 +52,7 @@ def corner_measures(points: np.ndarray, corners: Corners, compiled: bool = False
     points: (N, d) coordinates. compiled: use compiled code; the result is the same.
     """
     if compiled:
-        from dvr_cli.mesh.compiled import determinants
+        from dvr_cli.mesh.simplex_numba import determinants
 
         return determinants(points, corners.vertices)
     measure = np.empty(len(corners.vertices))

@@ -57,7 +57,7 @@ def interior_angles(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
 def _with_extreme_cosines(points: np.ndarray, block: Cells) -> np.ndarray:
     """(n,) bool: the few cells of a block that may have its smallest or largest dihedral angle."""
-    from dvr_cli.quality.compiled import with_extreme_cosines
+    from dvr_cli.quality.angles_numba import with_extreme_cosines
 
     faces = FACETS[block.type]
     padded = np.array([[*face, face[-1]][:4] for face in faces])

@@ -48,7 +48,7 @@ def corner_qualities(
     d = corners.dimension
     table = SHAPES[d].norm
     if compiled:
-        from dvr_cli.quality.compiled import corner_terms
+        from dvr_cli.quality.mean_ratio_numba import corner_terms
 
         # allocated here: NumPy is slow with the type of arrays that come from numba
         v, s = np.empty(len(corners.vertices)), np.empty(len(corners.vertices))

@@ -10,9 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from dvr_cli.boundary.freedom import Freedom, unit
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.domain import Domain
-from dvr_cli.mesh.freedom import Freedom, unit
 from dvr_cli.relax.steepest import OPTIMAL, STEEPEST, Ascent
 
 # (sweep k from 0, coordinates (n, d) of the relaxed vertices, their indices (n,)) -> (n, d), or how to find

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvr_cli.mesh.simplex import Components, cross, dot, opposite_normal, subtract
+from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
 
 GAIN = 1e-12  # relative growth of min Q below which a vertex is left where it is
@@ -95,12 +96,6 @@ class Lines:
             return self.v(at), s, slope
         root = np.sqrt(s)
         return self.v(at), s * root, 1.5 * root * slope
-
-
-def badness(v: np.ndarray, s: np.ndarray, dimension: int) -> np.ndarray:
-    """B of corners with determinant v and norm s: 1/Q^(d(d-1)/2), infinite where v is not positive."""
-    ratio = s / v if dimension == 2 else s * s * s / (v * v)
-    return np.where(v > 0, ratio, np.inf)
 
 
 def coefficients(

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.csr import group
-from dvr_cli.mesh.curve import curve_order
-from dvr_cli.mesh.freedom import Freedom
+from dvr_cli.mesh.morton import morton_order
 from dvr_cli.mesh.rings import Rings, incidence_of
 from dvr_cli.relax.schedule import batches
 
@@ -59,7 +59,7 @@ def build_problem(
     compiled set-up, which gives the same problem; freedom: how far they may move, by default anywhere.
     """
     n_points = len(points)
-    along_curve = curve_order(points)
+    along_curve = morton_order(points)
     number = np.empty(n_points, dtype=np.int32)
     number[along_curve] = np.arange(n_points)
     moves = np.zeros(n_points, dtype=bool)
@@ -84,9 +84,9 @@ def build_problem(
 def _along_curve(corners: Corners, moves: np.ndarray, number: np.ndarray, compiled: bool) -> Corners:
     """The corners with a vertex that moves, vertices renumbered, in the order of their smallest ones."""
     if compiled:
-        from dvr_cli.relax import compiled as fast
+        from dvr_cli.relax.problem_numba import along_curve
 
-        return Corners(*fast.along_curve(corners.vertices, corners.shapes, moves, number), corners.first[:1])
+        return Corners(*along_curve(corners.vertices, corners.shapes, moves, number), corners.first[:1])
     touched = np.flatnonzero(moves[corners.vertices].any(axis=1))
     vertices = number[corners.vertices[touched]]
     order = group(vertices.min(axis=1), len(number))[0]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.mesh.csr import group, row_entries
-from dvr_cli.mesh.interior import mixed
+from dvr_cli.mesh.hashing import mixed
 from dvr_cli.mesh.rings import Incidence
 
 ORDERS = ("coloured", "natural", "shuffled")
@@ -39,7 +39,7 @@ def batches(
     else:
         sequence = _scattered(m)
     if compiled:
-        from dvr_cli.relax import compiled as fast
+        from dvr_cli.relax import schedule_numba as fast
 
         visit = fast.colours if order == "coloured" else fast.levels
         label = visit(incidence.start, incidence.corner, incidence.members, sequence)

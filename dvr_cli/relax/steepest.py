@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvr_cli.mesh.simplex import Components, dot, opposite_normal, subtract
+from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
-from dvr_cli.relax.line import badness
 
 MAX_TRANSFERS = 32  # of weight between two gradients on the way to the shortest vector; about 3 are usual
 SHORTEST = 0.7  # of a vector's squared length that its products with all gradients must reach

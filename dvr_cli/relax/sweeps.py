@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvr_cli.relax.directions import DirectionField
-from dvr_cli.relax.engine import Engine
-from dvr_cli.relax.projection import Projection
+from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.stopping import Stopping
+from dvr_cli.relax.surface.projection import Projection
 
 # What holds after every batch of a phase.
 PHASES = {

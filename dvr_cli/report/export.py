@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from dvr_cli.report.quality import Quality
+from dvr_cli.quality.measure import Quality
 
 
 def as_json(record: Mapping[str, Any]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dvr_cli.report.quality import Element, Quality
+    from dvr_cli.quality.measure import Element, Quality
     from dvr_cli.report.records import QualityReport
 
 Figure = float | int | None

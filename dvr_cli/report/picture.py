@@ -11,9 +11,9 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure, SubFigure
 
 from dvr_cli.mesh.domain import Domain
+from dvr_cli.quality.measure import Quality
 from dvr_cli.report.plot import STYLE, plot_histogram, plot_sweeps, plot_vectors
 from dvr_cli.report.plot_mesh import plot_boundary, plot_cut, plot_plane, plot_surface, projected
-from dvr_cli.report.quality import Quality
 
 _WIDTH = 9.0  # inches: letters of 9 points are legible where the picture is 800 pixels wide
 _MOST = 6  # meshes that are drawn; of more there are only diagrams

@@ -8,8 +8,8 @@ from typing import Any
 from dvr_cli import __version__
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
-from dvr_cli.report.limits import Limit
-from dvr_cli.report.quality import Quality
+from dvr_cli.quality.limits import Limit
+from dvr_cli.quality.measure import Quality
 
 UNITS = {
     "quality": "mean ratio, from -1 to 1",

@@ -10,9 +10,9 @@ from dvr_cli.report.advice import advice
 from dvr_cli.report.figures import Figure, bins, counts, figures, place, remarks
 
 if TYPE_CHECKING:
+    from dvr_cli.quality.limits import Limit
+    from dvr_cli.quality.measure import Quality
     from dvr_cli.report.compare import Comparison
-    from dvr_cli.report.limits import Limit
-    from dvr_cli.report.quality import Quality
     from dvr_cli.report.records import BoundaryChange, MeshSummary, QualityReport, SmoothReport
 
 WIDTH = 80  # columns where nobody says how many there are

@@ -10,9 +10,9 @@ from hypothesis.extra.numpy import arrays
 
 import dvr_cli
 from dvr_cli.api import SmoothOptions
+from dvr_cli.boundary.freedom import unit
 from dvr_cli.errors import DvrError, InputError, UsageError
 from dvr_cli.mesh.domain import domain_of
-from dvr_cli.mesh.freedom import unit
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.directions import ASCENTS, NAMES, direction_field
 from meshes import random_mesh

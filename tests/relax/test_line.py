@@ -8,9 +8,10 @@ import pytest
 import oracle
 from dvr_cli.mesh.corners import ORIGIN_FIRST, target_matrix
 from dvr_cli.mesh.domain import domain_of
+from dvr_cli.quality.badness import badness
 from dvr_cli.relax.directions import random_field
-from dvr_cli.relax.line import Lines, badness, coefficients, improves, maximise_minimum
-from dvr_cli.relax.numpy_engine import NumpyEngine
+from dvr_cli.relax.engines.numpy_engine import NumpyEngine
+from dvr_cli.relax.line import Lines, coefficients, improves, maximise_minimum
 from dvr_cli.relax.problem import build_problem
 from meshes import delaunay
 

@@ -9,15 +9,15 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 import oracle
+from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.mesh.corners import SHAPES
 from dvr_cli.mesh.domain import domain_of
-from dvr_cli.mesh.freedom import Freedom
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.vector import at_least, ring_minima
 from dvr_cli.relax.directions import direction_field, restricted
-from dvr_cli.relax.engine import Engine
-from dvr_cli.relax.numpy_engine import NumpyEngine
+from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.engines.numpy_engine import NumpyEngine
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.steepest import OPTIMAL, SHORTEST, STEEPEST, Ascent, _shortest_in_hull, gradient
 from meshes import KINDS, outside, random_freedom, random_mesh

@@ -12,7 +12,7 @@ from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.vector import at_least, ring_minima
 from dvr_cli.relax import sweeps
 from dvr_cli.relax.directions import direction_field
-from dvr_cli.relax.numpy_engine import NumpyEngine
+from dvr_cli.relax.engines.numpy_engine import NumpyEngine
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.relax.sweeps import relax

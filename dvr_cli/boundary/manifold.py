@@ -1,0 +1,163 @@
+"""Manifolds: curves of segments and surfaces of triangles, and the points on them nearest to given ones.
+
+The nearest point is searched for by walking: from a simplex near by to that of its neighbours which is
+nearest, until none is nearer. This is the nearest point of the part around the start, which is what
+projection needs: a vertex cannot jump through a thin wall or across a crack, however near the other side is.
+The distance found is never less than the distance to the whole manifold.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from dvr_cli.boundary.freedom import unit
+from dvr_cli.mesh.csr import group, row_entries
+
+_DEGENERATE = 1e-14  # squared sine of an angle up to which a triangle has no inside to speak of
+_ON_SIDE = 1e-9  # barycentric coordinate up to which a point counts as on the side where it is zero
+
+
+class Manifold:
+    """Segments (k = 2) or triangles (k = 3) in d = 2 or 3 coordinates, in patches that walks do not leave.
+
+    points: (N, d); simplices: (F, k) their vertices; patch: (F,) the number of the patch each belongs to.
+    """
+
+    def __init__(self, points: np.ndarray, simplices: np.ndarray, patch: np.ndarray) -> None:
+        self.corners = points[simplices]
+        self.patch = patch
+        n_patches = int(patch.max(initial=0)) + 1
+        # vertices are numbered anew within each patch
+        keys = simplices.astype(np.int64) * n_patches + patch[:, None]
+        self._vertices = np.unique(keys, return_inverse=True)[1].reshape(simplices.shape)
+        position, self._start = group(self._vertices.ravel(), int(self._vertices.max(initial=-1)) + 1)
+        self._around = position // simplices.shape[1]
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """(F, 3) unit normal of each triangle by the right-hand rule, zero where it has no area."""
+        a, b, c = self.corners.swapaxes(0, 1)
+        return unit(np.cross(b - a, c - a))
+
+    def nearest(self, queries: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The point nearest to each of ``queries`` (n, d) around the simplices ``start`` (n,).
+
+        Returns the points (n, d), the simplices they lie on (n,), and their distances (n,).
+        """
+        simplex = start.copy()
+        foot, square = _closest(self.corners[simplex], queries)
+        walking = np.arange(len(queries))
+        while len(walking):
+            at = simplex[walking]
+            supports = _supports(self.corners[at], foot[walking])
+            on_side = ~supports.all(axis=1)  # inside a simplex the foot is nearer than what is around
+            walking, at, supports = walking[on_side], at[on_side], supports[on_side]
+            rows, candidate, begin = self._beyond(at, supports)
+            near, squares = _closest(self.corners[candidate], queries[walking[rows]])
+            best = first_least(squares, begin)
+            nearer = squares[best] < square[walking]
+            walking, best = walking[nearer], best[nearer]
+            simplex[walking], foot[walking], square[walking] = candidate[best], near[best], squares[best]
+        return foot, simplex, np.sqrt(square)
+
+    def _beyond(self, simplex: np.ndarray, supports: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The simplices that share the corners marked in ``supports`` (n, k) with each of ``simplex`` (n,).
+
+        Returns row and simplex of each (E,), row after row, and where rows begin (n + 1,).
+        """
+        vertices = self._vertices[simplex]
+        first, last = supports.argmax(axis=1), supports.shape[1] - 1 - supports[:, ::-1].argmax(axis=1)
+        everyone = np.arange(len(simplex))
+        entries, begin = row_entries(self._start, vertices[everyone, first])
+        candidate, row = self._around[entries], np.repeat(everyone, np.diff(begin))
+        other = np.where(supports.any(axis=1), vertices[everyone, last], vertices[everyone, first])
+        shares = (self._vertices[candidate] == other[row][:, None]).any(axis=1)
+        row, candidate = row[shares], candidate[shares]
+        return row, candidate, np.concatenate([[0], np.cumsum(np.bincount(row, minlength=len(simplex)))])
+
+
+def closest_of(
+    corners: np.ndarray, begin: np.ndarray, queries: np.ndarray, near: np.ndarray, row: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of E simplices in rows, that of its row which is nearest to each query (n, d): number, distance (n,).
+
+    corners: (E, k, d) of all; row i are begin[i] .. begin[i+1], and row: (E,) its inverse. near: (n,) a
+    simplex of the row in question, which is the answer if the query lies straight above it.
+    """
+    best = near.copy()
+    foot, square = _closest(corners[near], queries)
+    rest = np.flatnonzero(~_supports(corners[near], foot).all(axis=1))
+    if len(rest):
+        entries, first = row_entries(begin, row[near[rest]])
+        query = np.repeat(rest, np.diff(first))
+        squares = _closest(corners[entries], queries[query])[1]
+        least = first_least(squares, first)
+        best[rest], square[rest] = entries[least], squares[least]
+    return best, np.sqrt(square)
+
+
+def first_least(values: np.ndarray, begin: np.ndarray) -> np.ndarray:
+    """(n,) position of the first least value in each row begin[i] .. begin[i+1]; no row may be empty."""
+    row = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
+    least = np.flatnonzero(values == np.minimum.reduceat(values, begin[:-1])[row])
+    _, first = np.unique(row[least], return_index=True)
+    return least[first]
+
+
+def _closest(corners: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The point of each simplex (n, k, d) nearest to its query (n, d), and the squared distance (n,)."""
+    if corners.shape[1] == 2:
+        foot = _closest_on_segments(corners, queries)
+    else:
+        foot = _closest_on_triangles(corners, queries)
+    way = queries - foot
+    square = (way * way).sum(axis=1)
+    return foot, np.where(np.isnan(square), np.inf, square)  # nothing is nearest on a degenerate triangle
+
+
+def _supports(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(n, k) bool: the corners of each simplex (n, k, d) that a point of it (n, d) is not opposite to.
+
+    All of them inside, two on an edge of a triangle, one at a corner; none in a degenerate triangle.
+    """
+    edges, way = corners[:, 1:] - corners[:, :1], points - corners[:, 0]
+    with np.errstate(all="ignore"):
+        one = edges[:, 0]
+        if corners.shape[1] == 2:
+            t = (way * one).sum(axis=1) / (one * one).sum(axis=1)
+            weights = np.stack([1.0 - t, t], axis=1)
+        else:
+            other = edges[:, 1]
+            aa, ab, bb = (one * one).sum(axis=1), (one * other).sum(axis=1), (other * other).sum(axis=1)
+            a, b = (way * one).sum(axis=1), (way * other).sum(axis=1)
+            u, v = (bb * a - ab * b) / (aa * bb - ab * ab), (aa * b - ab * a) / (aa * bb - ab * ab)
+            weights = np.stack([1.0 - u - v, u, v], axis=1)
+    return weights > _ON_SIDE
+
+
+def _closest_on_segments(corners: np.ndarray, queries: np.ndarray) -> np.ndarray:
+    begin, end = corners[:, 0], corners[:, 1]
+    edge = end - begin
+    square = (edge * edge).sum(axis=1)
+    along = ((queries - begin) * edge).sum(axis=1)
+    t = np.clip(np.divide(along, square, out=np.zeros_like(along), where=square > 0), 0.0, 1.0)[:, None]
+    return np.where(t < 1.0, begin + t * edge, end)
+
+
+def _closest_on_triangles(corners: np.ndarray, queries: np.ndarray) -> np.ndarray:
+    from trimesh.triangles import closest_point
+
+    # in units of the triangle, from its first vertex: the tolerances of trimesh are absolute
+    origin = corners[:, 0]
+    local = corners - origin[:, None]
+    size = np.abs(local).max(axis=(1, 2))
+    size[size == 0.0] = 1.0
+    local /= size[:, None, None]
+    with np.errstate(all="ignore"):
+        foot = closest_point(local, (queries - origin) / size[:, None])
+    one, other = local[:, 1], local[:, 2]
+    aa, ab, bb = (one * one).sum(axis=1), (one * other).sum(axis=1), (other * other).sum(axis=1)
+    foot[aa * bb - ab * ab <= _DEGENERATE * aa * bb] = np.nan
+    return origin + size[:, None] * foot

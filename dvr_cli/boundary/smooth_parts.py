@@ -1,0 +1,147 @@
+"""Curved boundaries: the smooth surfaces and curves that boundary vertices move on when they are projected.
+
+Constraint facets that no ridge parts form a *patch*, ridges that no corner parts a *curve*. Where all of a
+patch is plane, or all of a curve straight between plane patches, moving in that plane or line is exact and
+needs no projection; elsewhere vertices are brought back to their patch or curve as the input has it. The
+lips of a slit, coincident but not connected, would cut into each other along different chords of a curve:
+there vertices stay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvr_cli.boundary.constraints import Constraints, edges_of
+from dvr_cli.boundary.features import Features
+from dvr_cli.boundary.freedom import Freedom, unit
+from dvr_cli.mesh.csr import group
+from dvr_cli.mesh.facets import numbered
+from dvr_cli.mesh.orientation import connected_parts
+
+
+@dataclass(frozen=True)
+class Curved:
+    """What is projected, and what moves exactly.
+
+    triangles: (T, 3) the constraint facets, quadrilaterals cut in two; none in a planar mesh. facet: (T,) the
+        facet each is of. patch: (T,) the number of its patch.
+    segments: (S, 2) the ridges; curve: (S,) the number of the curve each is of.
+    on_patch, on_curve: (m,) the vertices that are projected to their patch or their curve.
+    exact: the freedom of all other vertices.
+    """
+
+    triangles: np.ndarray
+    facet: np.ndarray
+    patch: np.ndarray
+    segments: np.ndarray
+    curve: np.ndarray
+    on_patch: np.ndarray
+    on_curve: np.ndarray
+    exact: Freedom
+
+    @property
+    def projected(self) -> np.ndarray:
+        """(m,) all vertices that are projected, in index order."""
+        return np.sort(np.concatenate([self.on_patch, self.on_curve]))
+
+
+def curved_of(points: np.ndarray, constraints: Constraints, smooth: Features, flat: Freedom) -> Curved:
+    """Tell what is curved; points: (N, d).
+
+    smooth: the features at the feature angle; flat: the freedom within exact planes and lines. What may move
+    by neither stays.
+    """
+    facets, ridges, n_points = constraints.facets, smooth.ridges, len(points)
+    dimension, exact = smooth.freedom.dimension, flat.dimension
+    faces = facets if facets.shape[1] > 2 else np.empty((0, 3), dtype=np.int64)
+    triangles, facet = triangulated(faces)
+    patch = _patches(faces, ridges)[facet]
+    curve = _curves(ridges, dimension == 1)
+
+    bent = ~_plane(points, triangles, patch, constraints.rounding)
+    at_bend = np.zeros(n_points, dtype=bool)
+    at_bend[triangles[bent[patch]]] = True
+    movable = (dimension == 1) | ((dimension == 2) & (len(faces) > 0))
+    stays_exact = movable & (exact == dimension) & ~at_bend
+    # a curve is straight if none of its vertices bends it
+    crooked = np.zeros(int(curve.max(initial=-1)) + 1, dtype=bool)
+    crooked[curve[(movable & ~stays_exact & (dimension == 1))[ridges].any(axis=1)]] = True
+    on_crooked = np.zeros(n_points, dtype=bool)
+    on_crooked[ridges[crooked[curve]]] = True
+    stays_exact &= (dimension != 1) | ~on_crooked
+    projected = movable & ~stays_exact & ~_coincident(points, facets)
+    kept = np.where(movable, stays_exact, exact > 0)
+    return Curved(
+        triangles=triangles,
+        facet=facet,
+        patch=patch,
+        segments=ridges,
+        curve=curve,
+        on_patch=np.flatnonzero(projected & (dimension == 2)),
+        on_curve=np.flatnonzero(projected & (dimension == 1)),
+        exact=flat.only(kept),
+    )
+
+
+def triangulated(facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Facets ((F, w), short rows end in -1) as triangles (T, 3), and the facet (T,) each is of; in order."""
+    if facets.shape[1] < 4:
+        return facets, np.arange(len(facets))
+    second = np.flatnonzero(facets[:, 3] >= 0)
+    triangles = np.concatenate([facets[:, :3], facets[second][:, [0, 2, 3]]])
+    facet = np.concatenate([np.arange(len(facets)), second])
+    order = np.argsort(facet, kind="stable")
+    return triangles[order], facet[order]
+
+
+def _patches(facets: np.ndarray, ridges: np.ndarray) -> np.ndarray:
+    """(F,) the number of each facet's patch: facets with a common edge that is no ridge have the same."""
+    if not len(facets):
+        return np.empty(0, dtype=np.int64)
+    edges, owner = edges_of(facets)
+    number = numbered(np.concatenate([edges, ridges]))
+    n = int(number.max(initial=-1)) + 1
+    parted = np.zeros(n, dtype=bool)
+    parted[number[len(edges) :]] = True
+    position, start = group(number[: len(edges)], n)
+    pair = start[:-1][(np.diff(start) == 2) & ~parted]
+    return _numbers(connected_parts(len(facets), owner[position[pair]], owner[position[pair + 1]]))
+
+
+def _curves(ridges: np.ndarray, inner: np.ndarray) -> np.ndarray:
+    """(R,) the number of each ridge's curve: ridges that meet at an ``inner`` vertex ((N,) bool) share it."""
+    position, start = group(ridges.ravel(), len(inner))
+    pair = start[:-1][inner]  # two ridges meet there
+    return _numbers(connected_parts(len(ridges), position[pair] // 2, position[pair + 1] // 2))
+
+
+def _plane(points: np.ndarray, triangles: np.ndarray, patch: np.ndarray, rounding: float) -> np.ndarray:
+    """(P,) bool: whether all vertices of each patch lie in one plane, to rounding."""
+    n = int(patch.max(initial=-1)) + 1
+    if not n:
+        return np.empty(0, dtype=bool)
+    corners = points[triangles]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    total, middle = np.zeros((n, 3)), np.zeros((n, 3))
+    np.add.at(total, patch, area)
+    np.add.at(middle, patch, corners.mean(axis=1))
+    middle /= np.bincount(patch, minlength=n)[:, None]
+    height = np.abs(((corners - middle[patch][:, None]) * unit(total)[patch][:, None]).sum(axis=2))
+    plane = np.ones(n, dtype=bool)
+    plane[patch[height.max(axis=1) > 4.0 * rounding]] = False
+    return plane
+
+
+def _coincident(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """(N,) bool: the vertices of the facets that lie where another one of them does."""
+    vertices = np.unique(facets[facets >= 0])
+    _, where, count = np.unique(points[vertices], axis=0, return_inverse=True, return_counts=True)
+    result = np.zeros(len(points), dtype=bool)
+    result[vertices[count[where.ravel()] > 1]] = True
+    return result
+
+
+def _numbers(labels: np.ndarray) -> np.ndarray:
+    return np.unique(labels, return_inverse=True)[1]

@@ -1,0 +1,59 @@
+"""Incidence and rings compiled: by counting what ``rings`` gives by sorting."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.jit import compiled
+
+
+@compiled
+def incidence(members: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As ``rings.incidence_of``: offsets, and corner and place in it of each entry, by vertex 0..n-1."""
+    start = np.zeros(n + 1, dtype=np.int64)
+    for c in range(len(members)):
+        for k in range(members.shape[1]):
+            if members[c, k] >= 0:
+                start[members[c, k] + 1] += 1
+    for i in range(n):
+        start[i + 1] += start[i]
+    fill = start[:-1].copy()
+    corner = np.empty(start[n], dtype=np.int32)
+    place = np.empty(start[n], dtype=np.int8)
+    for c in range(len(members)):
+        for k in range(members.shape[1]):
+            i = members[c, k]
+            if i >= 0:
+                corner[fill[i]], place[fill[i]] = c, k
+                fill[i] += 1
+    return start, corner, place
+
+
+@compiled
+def rings(
+    sequence: np.ndarray,
+    start: np.ndarray,
+    corner: np.ndarray,
+    place: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
+    origin_first: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As ``Incidence.rings``: offsets, other vertices and shapes of the rings, one after the other."""
+    width = vertices.shape[1]
+    new_start = np.zeros(len(sequence) + 1, dtype=np.int64)
+    begin = np.empty(len(sequence), dtype=np.int64)
+    for i in range(len(sequence)):
+        begin[sequence[i]] = new_start[i]
+        new_start[i + 1] = new_start[i] + start[sequence[i] + 1] - start[sequence[i]]
+    others = np.empty((new_start[-1], width - 1), dtype=np.int32)
+    shape = np.empty(new_start[-1], dtype=np.uint8)
+    for vertex in range(len(sequence)):  # not in sequence: neighbours' rings share corners
+        new = begin[vertex]
+        for entry in range(start[vertex], start[vertex + 1]):
+            c, own = corner[entry], place[entry]
+            for j in range(1, width):
+                others[new, j - 1] = vertices[c, origin_first[own, j]]
+            shape[new] = shapes[c, own]
+            new += 1
+    return new_start, others, shape

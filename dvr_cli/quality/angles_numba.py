@@ -1,0 +1,40 @@
+"""The cells with extreme angles compiled, cell by cell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.jit import compiled
+
+
+@compiled
+def with_extreme_cosines(
+    points: np.ndarray, vertices: np.ndarray, faces: np.ndarray, pairs: np.ndarray, near: float
+) -> np.ndarray:
+    """(n,) bool: the cells with a cosine between the normals of neighbouring faces as large or small as any.
+
+    All that come as near as ``near`` to these are among them, and few others. vertices: (n, k); faces: (F, 4)
+    local vertices, of a triangle the last repeated; pairs: (E, 2) of faces with a common edge. The normals
+    are those of ``angles``.
+    """
+    chosen = np.zeros(len(vertices), dtype=np.bool_)
+    low, high = np.inf, -np.inf
+    normal = np.empty((len(faces), 3))
+    length = np.empty(len(faces))
+    for c in range(len(vertices)):
+        for f in range(len(faces)):
+            p, q = vertices[c, faces[f, 0]], vertices[c, faces[f, 1]]
+            r, t = vertices[c, faces[f, 2]], vertices[c, faces[f, 3]]
+            a0, a1, a2 = points[r, 0] - points[p, 0], points[r, 1] - points[p, 1], points[r, 2] - points[p, 2]
+            b0, b1, b2 = points[t, 0] - points[q, 0], points[t, 1] - points[q, 1], points[t, 2] - points[q, 2]
+            n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+            normal[f, 0], normal[f, 1], normal[f, 2] = n0, n1, n2
+            length[f] = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+        for e in range(len(pairs)):
+            i, j = pairs[e, 0], pairs[e, 1]
+            size = length[i] * length[j]
+            inner = normal[i, 0] * normal[j, 0] + normal[i, 1] * normal[j, 1] + normal[i, 2] * normal[j, 2]
+            if size > 0 and (inner >= (high - near) * size or inner <= (low + near) * size):
+                chosen[c] = True
+                low, high = min(low, inner / size), max(high, inner / size)
+    return chosen

@@ -1,0 +1,115 @@
+"""What limits a relaxed mesh: why its worst element is no better, and what would help.
+
+The reasons, in the order in which they are looked for:
+
+valence     the number of elements around a vertex or an edge, at the worst elements, allows little more
+            than the worst quality, wherever the vertices move (see ``quality.fans``)
+selection   --fix, --only, --below or --vertices keeps a vertex that could move
+boundary    another treatment of the boundary would free a vertex
+fixed-cap   all vertices are held
+balance     none of these: what moving a vertex would gain here is lost in another element
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvr_cli.mesh.corners import Corners
+from dvr_cli.mesh.domain import Domain
+from dvr_cli.quality.fans import fans
+from dvr_cli.quality.mean_ratio import corner_qualities
+from dvr_cli.quality.measure import Element, Quality
+
+REACHED = 0.9  # share of what a valence allows from which on it counts as what limits,
+SEVERE = 0.95  # if it allows less than this
+_REMESH = "only other elements help: remesh there"
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What holds the worst element of a mesh.
+
+    kind: "valence", "selection", "boundary", "fixed-cap" or "balance". element: the worst one.
+    vertex: one that is the reason, None if none in particular is. text: the reason in words.
+    advice: what would help, in words.
+    """
+
+    kind: str
+    vertex: int | None
+    element: Element
+    text: str
+    advice: str
+
+
+def limit_of(
+    domain: Domain,
+    points: np.ndarray,
+    relaxed: np.ndarray,
+    quality: Quality,
+    deselected: Mapping[str, np.ndarray],
+    boundary: Mapping[str, Callable[[np.ndarray], np.ndarray]],
+) -> Limit:
+    """What limits the mesh with coordinates ``points`` (as its mesh gives them) and this quality.
+
+    relaxed: (m,) the relaxed vertices. deselected: for each option that selects the vertices that could move
+    and that it keeps, (N,) bool. boundary: for each option that would free vertices of the boundary a
+    function that says of (m,) vertices which could move then, (m,) bool.
+    """
+    element = quality.worst[0]
+    flat = domain.flatten(points)
+    vertices, name = _worst_corner(domain, flat, element)
+    moves = np.isin(vertices, relaxed)
+    count = len(vertices)
+
+    if moves.any() and element.quality > 0:
+        among = np.unique([v for worst in quality.worst for v in _vertices(domain, worst)])
+        fan = min(fans(flat, domain.around(among).cells, among), key=lambda fan: fan.best, default=None)
+        if fan is not None and fan.best < SEVERE and element.quality >= REACHED * fan.best:
+            where = f"{'vertex' if len(fan.vertices) == 1 else 'edge'} {'-'.join(map(str, fan.vertices))}"
+            text = f"{fan.n} elements meet at {where}, which allows {fan.best:.4f} at best"
+            return Limit("valence", fan.vertices[0], element, text, _REMESH)
+    for option, kept in deselected.items():
+        held = vertices[kept[vertices]]
+        if len(held):
+            text = f"{option} keeps {len(held)} of the {count} vertices of {name}"
+            return Limit("selection", int(held[0]), element, text, f"let vertex {held[0]} move, too")
+    on_boundary = ~domain.interior[vertices]
+    if (on_boundary & ~moves).any():
+        for option, frees in boundary.items():
+            freed = vertices[frees(vertices) & ~moves]
+            if len(freed):
+                text = f"{name} has {on_boundary.sum()} of its {count} vertices on the boundary"
+                advice = f"{option} would free {len(freed)} of them"
+                return Limit("boundary", int(freed[0]), element, text, advice)
+    if not moves.any():
+        return Limit("fixed-cap", None, element, f"none of the {count} vertices of {name} can move", _REMESH)
+    if element.quality <= 0:
+        text = f"{name} is not positive: no place found makes all elements around so"
+        return Limit("balance", None, element, text, "other directions or another seed may find one")
+    text = f"what moving a vertex of {name} gains, its neighbours lose"
+    advice = "a smaller --tol may gain a little; more takes other elements there"
+    return Limit("balance", None, element, text, advice)
+
+
+def _cell(domain: Domain, element: Element) -> int:
+    """The number of an element among those of the domain."""
+    return int(np.searchsorted(domain.cell_ids, element.cell))
+
+
+def _vertices(domain: Domain, element: Element) -> list[int]:
+    """The vertices of an element of the domain."""
+    own = slice(*domain.corners.first[_cell(domain, element) :][:2])
+    return np.unique(domain.corners.vertices[own]).tolist()
+
+
+def _worst_corner(domain: Domain, flat: np.ndarray, element: Element) -> tuple[np.ndarray, str]:
+    """The vertices that the quality of an element depends on, those of its worst corner, and their owner."""
+    corners = domain.corners
+    own = slice(*corners.first[_cell(domain, element) :][:2])
+    vertices, shapes = corners.vertices[own], corners.shapes[own]
+    worst = corner_qualities(flat, Corners(vertices, shapes, np.array([0, len(vertices)]))).argmin()
+    name = f"{element.cell_type} {element.cell}"
+    return vertices[worst], name if len(vertices) == 1 else f"a corner of {name}"

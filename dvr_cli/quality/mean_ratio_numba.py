@@ -1,0 +1,56 @@
+"""Qualities compiled, corner by corner and cell by cell: the bits that ``mean_ratio`` and ``angles`` give."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.jit import compiled, inlined
+from dvr_cli.mesh.simplex_numba import determinant_2d, determinant_3d
+
+
+@compiled
+def corner_terms(
+    points: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
+    norm: np.ndarray,
+    v: np.ndarray,
+    s: np.ndarray,
+) -> None:
+    """Put (v, s) of each corner, whose mean ratio is sgn(v) |v|^(2/d) / s, into the arrays v and s (n,).
+
+    norm: as in ``ShapeTable``.
+    """
+    for c in range(len(vertices)):
+        if points.shape[1] == 2:
+            v[c], s[c] = corner_terms_2d(points, vertices[c], norm, shapes[c, 0])
+        else:
+            v[c], s[c] = corner_terms_3d(points, vertices[c], norm, shapes[c, 0])
+
+
+@inlined
+def corner_terms_2d(points: np.ndarray, corner: np.ndarray, norm: np.ndarray, k: int) -> tuple[float, float]:
+    """(v, s) of one corner of a planar cell with row k of the shape table."""
+    x, p, q = points[corner[0]], points[corner[1]], points[corner[2]]
+    e0, e1 = p[0] - x[0], p[1] - x[1]
+    f0, f1 = q[0] - x[0], q[1] - x[1]
+    s = norm[k, 0] * (e0 * e0 + e1 * e1)
+    s = s + norm[k, 1] * (f0 * f0 + f1 * f1)
+    s = s + norm[k, 2] * (e0 * f0 + e1 * f1)
+    return determinant_2d(points, corner), s
+
+
+@inlined
+def corner_terms_3d(points: np.ndarray, corner: np.ndarray, norm: np.ndarray, k: int) -> tuple[float, float]:
+    """(v, s) of one corner of a volume cell with row k of the shape table."""
+    x, p, q, r = points[corner[0]], points[corner[1]], points[corner[2]], points[corner[3]]
+    e0, e1, e2 = p[0] - x[0], p[1] - x[1], p[2] - x[2]
+    f0, f1, f2 = q[0] - x[0], q[1] - x[1], q[2] - x[2]
+    g0, g1, g2 = r[0] - x[0], r[1] - x[1], r[2] - x[2]
+    s = norm[k, 0] * (e0 * e0 + e1 * e1 + e2 * e2)
+    s = s + norm[k, 1] * (f0 * f0 + f1 * f1 + f2 * f2)
+    s = s + norm[k, 2] * (g0 * g0 + g1 * g1 + g2 * g2)
+    s = s + norm[k, 3] * (e0 * f0 + e1 * f1 + e2 * f2)
+    s = s + norm[k, 4] * (e0 * g0 + e1 * g1 + e2 * g2)
+    s = s + norm[k, 5] * (f0 * g0 + f1 * g1 + f2 * g2)
+    return determinant_3d(points, corner), s

@@ -1,0 +1,221 @@
+"""The ring of a vertex laid out in columns, for all compiled kernels.
+
+Each function here is the scalar twin of one of ``line`` or ``mean_ratio``, where the mathematics is
+explained. Nothing is fused, reassociated or skipped that could change a bit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.jit import inlined
+from dvr_cli.quality.badness_numba import badness
+
+# Rows of the scratch array, a column for each corner of a ring: the coordinates of the corner's other
+# vertices (three rows each, also in 2D), the normal of the facet they span, the corner's line, its badness;
+# then the row of the shape table that stands in the column, and its numbers; last some gradients, gathered in
+# the first columns, their products with a vector and their weights, and v^(-2/d). Loops over such rows
+# without branches are what the compiler turns into vector instructions.
+END, NORMAL, V0, V1, S0, S1, S2, BADNESS = 0, 9, 12, 13, 14, 15, 16, 17
+SHAPE, NORM, SLOPE, CURVATURE = 18, 19, 25, 28
+GRADIENT, ALONG, WEIGHT, POWER = 29, 32, 33, 34
+ROWS = 35
+WIDTH = 8  # loops run over whole groups of columns; those beyond the ring hold leftovers nobody looks at
+
+
+@inlined
+def set_ring(
+    points: np.ndarray,
+    vertex: int,
+    d0: float,
+    d1: float,
+    d2: float,
+    ring: int,
+    start: np.ndarray,
+    others: np.ndarray,
+    shapes: np.ndarray,
+    norm: np.ndarray,
+    slope: np.ndarray,
+    curvature: np.ndarray,
+    scratch: np.ndarray,
+) -> int:
+    """Lay out a ring and its lines along the direction (d0, d1, d2); returns how many corners it has."""
+    lo = start[ring]
+    n = start[ring + 1] - lo
+    for c in range(n):
+        k = shapes[lo + c]
+        if scratch[SHAPE, c] != k:  # in most meshes all shapes are one and stay in place
+            _set_shape(scratch, c, k, norm, slope, curvature)
+    if points.shape[1] == 2:
+        _set_lines_2d(points, vertex, d0, d1, others, lo, n, scratch)
+    else:
+        _set_lines_3d(points, vertex, d0, d1, d2, others, lo, n, scratch)
+    return n
+
+
+@inlined
+def _set_shape(
+    scratch: np.ndarray, c: int, k: int, norm: np.ndarray, slope: np.ndarray, curvature: np.ndarray
+) -> None:
+    """Put row k of the shape table into column c."""
+    scratch[SHAPE, c] = k
+    for i in range(norm.shape[1]):
+        scratch[NORM + i, c] = norm[k, i]
+    for i in range(slope.shape[1]):
+        scratch[SLOPE + i, c] = slope[k, i]
+    scratch[CURVATURE, c] = curvature[k]
+
+
+@inlined
+def _set_lines_2d(
+    points: np.ndarray,
+    vertex: int,
+    d0: float,
+    d1: float,
+    others: np.ndarray,
+    lo: int,
+    n: int,
+    scratch: np.ndarray,
+) -> None:
+    """Coefficients of the lines of all corners of a ring; see ``line.coefficients``."""
+    x0, x1 = points[vertex, 0], points[vertex, 1]
+    dd = d0 * d0 + d1 * d1
+    for c in range(n):
+        p, q = others[lo + c, 0], others[lo + c, 1]
+        scratch[END, c], scratch[END + 1, c] = points[p, 0], points[p, 1]
+        scratch[END + 3, c], scratch[END + 4, c] = points[q, 0], points[q, 1]
+    for c in range(padded(n)):
+        p0, p1 = scratch[END, c], scratch[END + 1, c]
+        q0, q1 = scratch[END + 3, c], scratch[END + 4, c]
+        n0, n1 = q1 - p1, -(q0 - p0)
+        e0, e1 = p0 - x0, p1 - x1
+        f0, f1 = q0 - x0, q1 - x1
+        along = scratch[SLOPE, c] * (d0 * e0 + d1 * e1)
+        along = along + scratch[SLOPE + 1, c] * (d0 * f0 + d1 * f1)
+        scratch[NORMAL, c], scratch[NORMAL + 1, c] = n0, n1
+        scratch[V0, c] = e0 * n0 + e1 * n1
+        scratch[V1, c] = -(d0 * n0 + d1 * n1)
+        scratch[S0, c] = _norm_2d(e0, e1, f0, f1, scratch, c)
+        scratch[S1, c] = -along
+        scratch[S2, c] = scratch[CURVATURE, c] * dd
+
+
+@inlined
+def _set_lines_3d(
+    points: np.ndarray,
+    vertex: int,
+    d0: float,
+    d1: float,
+    d2: float,
+    others: np.ndarray,
+    lo: int,
+    n: int,
+    scratch: np.ndarray,
+) -> None:
+    """Coefficients of the lines of all corners of a ring; see ``line.coefficients``."""
+    x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2]
+    dd = d0 * d0 + d1 * d1 + d2 * d2
+    for c in range(n):
+        p, q, r = others[lo + c, 0], others[lo + c, 1], others[lo + c, 2]
+        scratch[END, c], scratch[END + 1, c], scratch[END + 2, c] = points[p, 0], points[p, 1], points[p, 2]
+        scratch[END + 3, c], scratch[END + 4, c], scratch[END + 5, c] = (
+            points[q, 0],
+            points[q, 1],
+            points[q, 2],
+        )
+        scratch[END + 6, c], scratch[END + 7, c], scratch[END + 8, c] = (
+            points[r, 0],
+            points[r, 1],
+            points[r, 2],
+        )
+    for c in range(padded(n)):
+        p0, p1, p2 = scratch[END, c], scratch[END + 1, c], scratch[END + 2, c]
+        q0, q1, q2 = scratch[END + 3, c], scratch[END + 4, c], scratch[END + 5, c]
+        r0, r1, r2 = scratch[END + 6, c], scratch[END + 7, c], scratch[END + 8, c]
+        a0, a1, a2 = q0 - p0, q1 - p1, q2 - p2
+        b0, b1, b2 = r0 - p0, r1 - p1, r2 - p2
+        n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+        e0, e1, e2 = p0 - x0, p1 - x1, p2 - x2
+        scratch[NORMAL, c], scratch[NORMAL + 1, c], scratch[NORMAL + 2, c] = n0, n1, n2
+        scratch[V0, c] = e0 * n0 + e1 * n1 + e2 * n2
+        scratch[V1, c] = -(d0 * n0 + d1 * n1 + d2 * n2)
+    for c in range(padded(n)):  # a loop of its own: with too many rows in one the compiler gives up
+        e0, e1, e2 = scratch[END, c] - x0, scratch[END + 1, c] - x1, scratch[END + 2, c] - x2
+        f0, f1, f2 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1, scratch[END + 5, c] - x2
+        g0, g1, g2 = scratch[END + 6, c] - x0, scratch[END + 7, c] - x1, scratch[END + 8, c] - x2
+        along = scratch[SLOPE, c] * (d0 * e0 + d1 * e1 + d2 * e2)
+        along = along + scratch[SLOPE + 1, c] * (d0 * f0 + d1 * f1 + d2 * f2)
+        along = along + scratch[SLOPE + 2, c] * (d0 * g0 + d1 * g1 + d2 * g2)
+        scratch[S0, c] = _norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, scratch, c)
+        scratch[S1, c] = -along
+        scratch[S2, c] = scratch[CURVATURE, c] * dd
+
+
+@inlined
+def _norm_2d(e0: float, e1: float, f0: float, f1: float, scratch: np.ndarray, c: int) -> float:
+    """s of the corner in column c with edges e and f; see ``mean_ratio.weighted_norm``."""
+    s = scratch[NORM, c] * (e0 * e0 + e1 * e1)
+    s = s + scratch[NORM + 1, c] * (f0 * f0 + f1 * f1)
+    return s + scratch[NORM + 2, c] * (e0 * f0 + e1 * f1)
+
+
+@inlined
+def _norm_3d(
+    e0: float,
+    e1: float,
+    e2: float,
+    f0: float,
+    f1: float,
+    f2: float,
+    g0: float,
+    g1: float,
+    g2: float,
+    scratch: np.ndarray,
+    c: int,
+) -> float:
+    """s of the corner in column c with edges e, f and g; see ``mean_ratio.weighted_norm``."""
+    s = scratch[NORM, c] * (e0 * e0 + e1 * e1 + e2 * e2)
+    s = s + scratch[NORM + 1, c] * (f0 * f0 + f1 * f1 + f2 * f2)
+    s = s + scratch[NORM + 2, c] * (g0 * g0 + g1 * g1 + g2 * g2)
+    s = s + scratch[NORM + 3, c] * (e0 * f0 + e1 * f1 + e2 * f2)
+    s = s + scratch[NORM + 4, c] * (e0 * g0 + e1 * g1 + e2 * g2)
+    return s + scratch[NORM + 5, c] * (f0 * g0 + f1 * g1 + f2 * g2)
+
+
+@inlined
+def largest_badness_2d(x0: float, x1: float, n: int, scratch: np.ndarray) -> float:
+    """The largest badness of a ring with its vertex at x."""
+    for c in range(padded(n)):
+        e0, e1 = scratch[END, c] - x0, scratch[END + 1, c] - x1
+        f0, f1 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1
+        v = e0 * scratch[NORMAL, c] + e1 * scratch[NORMAL + 1, c]
+        scratch[BADNESS, c] = badness(v, _norm_2d(e0, e1, f0, f1, scratch, c), 2)
+    return scratch[BADNESS, first_largest(scratch, n)]
+
+
+@inlined
+def largest_badness_3d(x0: float, x1: float, x2: float, n: int, scratch: np.ndarray) -> float:
+    """The largest badness of a ring with its vertex at x."""
+    for c in range(padded(n)):
+        e0, e1, e2 = scratch[END, c] - x0, scratch[END + 1, c] - x1, scratch[END + 2, c] - x2
+        f0, f1, f2 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1, scratch[END + 5, c] - x2
+        g0, g1, g2 = scratch[END + 6, c] - x0, scratch[END + 7, c] - x1, scratch[END + 8, c] - x2
+        v = e0 * scratch[NORMAL, c] + e1 * scratch[NORMAL + 1, c] + e2 * scratch[NORMAL + 2, c]
+        scratch[BADNESS, c] = badness(v, _norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, scratch, c), 3)
+    return scratch[BADNESS, first_largest(scratch, n)]
+
+
+@inlined
+def padded(n: int) -> int:
+    """n rounded up to whole groups of WIDTH."""
+    return (n + WIDTH - 1) // WIDTH * WIDTH
+
+
+@inlined
+def first_largest(scratch: np.ndarray, n: int) -> int:
+    """The first corner with the largest badness in the scratch array."""
+    worst, largest = 0, scratch[BADNESS, 0]
+    for c in range(1, n):
+        if scratch[BADNESS, c] > largest:
+            worst, largest = c, scratch[BADNESS, c]
+    return worst

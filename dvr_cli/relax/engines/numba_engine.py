@@ -1,0 +1,107 @@
+"""The compiled engine: the kernel over the vertices of a batch, on one thread or several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from dvr_cli.mesh.corners import SHAPES
+from dvr_cli.quality.badness_numba import worst_corner
+from dvr_cli.relax.columns_numba import ROWS, WIDTH
+from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.line_numba import relax_rings
+from dvr_cli.relax.polish_numba import mean_directions, polish_rings
+from dvr_cli.relax.problem import Problem
+from dvr_cli.relax.steepest_numba import steepest_directions
+
+_LEAST = 512  # rings or corners in a part at least: fewer cost more than they save
+_SHARES = 4  # parts a thread gets on average: who is slowed down by other work on the machine takes fewer
+
+
+class NumbaEngine(Engine):
+    """Gives each thread a part of the batch; vertices of a batch are independent, so parts are too."""
+
+    name = "numba"
+
+    def __init__(self, problem: Problem, threads: int = 1) -> None:
+        """threads: how many to use at most; the result does not depend on it."""
+        super().__init__(problem)
+        self.threads = threads
+        self._points = np.empty((0, problem.dimension))
+        self._largest_ring = int(problem.rings.sizes.max(initial=0))
+        rings, table, freedom = problem.rings, SHAPES[problem.dimension], problem.freedom
+        self._arrays = (
+            *(rings.vertices, rings.start, rings.others, rings.shapes),
+            *(table.norm, table.slope, table.curvature),
+        )
+        self._within = (
+            (np.empty(0, dtype=bool), np.empty((0, problem.dimension)))
+            if freedom is None
+            else (freedom.dimension == 1, freedom.axis)
+        )
+        self._directions = np.zeros((len(rings.vertices), problem.dimension))
+        self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
+
+    def _set(self, points: np.ndarray) -> None:
+        self._points = np.ascontiguousarray(points)
+
+    def _get(self) -> np.ndarray:
+        return self._points
+
+    def relax_batch(self, batch: int, directions: np.ndarray) -> int:
+        return sum(self._run(relax_rings, batch, directions))
+
+    def _steepest(self, batch: int, band: float) -> np.ndarray:
+        self._run(steepest_directions, batch, self._directions, *self._within, band)
+        return self._directions
+
+    def _mean_ascent(self, batch: int) -> np.ndarray:
+        self._run(mean_directions, batch, self._directions, *self._within)
+        return self._directions
+
+    def polish_batch(self, batch: int, directions: np.ndarray, limit: float) -> int:
+        return sum(self._run(polish_rings, batch, directions, limit))
+
+    def _run(self, kernel: Callable[..., Any], batch: int, directions: np.ndarray, *more: Any) -> list[Any]:
+        """What a kernel returns for the rings of a batch, part by part; more: its own arguments."""
+
+        def part(lo: int, hi: int) -> Any:
+            scratch = np.zeros((ROWS, self._largest_ring + WIDTH))
+            return kernel(self._points, directions, lo, hi, *self._arrays, *more, scratch)
+
+        return self._in_parts(part, *self.problem.batch_start[batch : batch + 2].tolist())
+
+    def _worst_corner(self) -> tuple[int, float]:
+        touched, norm = self.problem.touched, SHAPES[self.problem.dimension].norm
+        parts = self._in_parts(
+            lambda a, b: worst_corner(self._points, touched.vertices, touched.shapes, norm, a, b),
+            0,
+            len(touched.vertices),
+        )
+        return max(parts, key=lambda part: part[1])  # the first of equals
+
+    def _in_parts(self, work: Callable[[int, int], Any], lo: int, hi: int) -> list[Any]:
+        """work(a, b) for consecutive parts a .. b of lo .. hi, in order, on as many threads as pay.
+
+        Each thread takes the next part from one iterator until there are none left.
+        """
+        parts = min(_SHARES * self.threads, (hi - lo) // _LEAST)
+        if self._pool is None or parts < 2:
+            return [work(lo, hi)]
+        cuts = np.linspace(lo, hi, parts + 1).astype(np.int64).tolist()
+        results: list[Any] = [None] * parts
+        waiting = iter(enumerate(pairwise(cuts)))
+
+        def take() -> None:
+            for i, (a, b) in waiting:
+                results[i] = work(a, b)
+
+        others = [self._pool.submit(take) for _ in range(min(self.threads, parts) - 1)]
+        take()
+        for other in others:
+            other.result()
+        return results

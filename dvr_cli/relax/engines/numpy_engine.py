@@ -1,0 +1,133 @@
+"""The NumPy engine: updates all vertices of a batch at once, in chunks that stay in cache."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from dvr_cli.mesh.corners import SHAPES
+from dvr_cli.mesh.simplex import Components, dot, opposite_normal, subtract
+from dvr_cli.quality.badness import badness, worst_corner
+from dvr_cli.quality.mean_ratio import weighted_norm
+from dvr_cli.relax.columns import RingChunk, ring_chunks
+from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.line import coefficients, improves, maximise_minimum
+from dvr_cli.relax.polish import keeps, lowest_sum, mean_ascent, sum_of_inverses
+from dvr_cli.relax.problem import Problem
+from dvr_cli.relax.steepest import steepest
+
+
+class NumpyEngine(Engine):
+    """Keeps coordinates by component, and each batch cut into chunks once and for all."""
+
+    name = "numpy"
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(problem)
+        self._dimension = problem.dimension
+        self._coordinates = np.empty((problem.dimension, 0))
+        self._directions = np.zeros((len(problem.rings.vertices), problem.dimension))
+        self._batches = [
+            list(ring_chunks(problem, lo, hi)) for lo, hi in pairwise(problem.batch_start.tolist())
+        ]
+
+    def _set(self, points: np.ndarray) -> None:
+        self._coordinates = np.ascontiguousarray(points.T)
+
+    def _get(self) -> np.ndarray:
+        return self._coordinates.T
+
+    def _worst_corner(self) -> tuple[int, float]:
+        return worst_corner(self._get(), self.problem.touched)
+
+    def relax_batch(self, batch: int, directions: np.ndarray) -> int:
+        return sum(self._relax_chunk(chunk, directions) for chunk in self._batches[batch])
+
+    def _steepest(self, batch: int, band: float) -> np.ndarray:
+        for chunk in self._batches[batch]:
+            x, ends, norm, slope, _ = self._ring(chunk)
+            found = steepest(x, ends, norm, slope, self._within(chunk), band)
+            self._directions[chunk.rings] = np.stack(found, axis=1)
+        return self._directions
+
+    def _mean_ascent(self, batch: int) -> np.ndarray:
+        for chunk in self._batches[batch]:
+            x, ends, norm, slope, _ = self._ring(chunk)
+            found = mean_ascent(x, ends, norm, slope, self._within(chunk), chunk.real)
+            self._directions[chunk.rings] = np.stack(found, axis=1)
+        return self._directions
+
+    def polish_batch(self, batch: int, directions: np.ndarray, limit: float) -> int:
+        return sum(self._polish_chunk(chunk, directions, limit) for chunk in self._batches[batch])
+
+    def _within(self, chunk: RingChunk) -> tuple[np.ndarray, list[np.ndarray]] | None:
+        """What the chunk's vertices are free to follow; see ``steepest.restrict``."""
+        freedom = self.problem.freedom
+        if freedom is None:
+            return None
+        return freedom.dimension[chunk.rings] == 1, list(freedom.axis[chunk.rings].T)
+
+    def _ring(
+        self, chunk: RingChunk
+    ) -> tuple[list[np.ndarray], list[list[np.ndarray]], list[np.ndarray], list[np.ndarray], np.ndarray]:
+        """x, ends, norm, slope and curvature of the chunk's rings, as ``line.coefficients`` takes them."""
+        table = SHAPES[self._dimension]
+        norm = list(table.norm[chunk.shapes].transpose(2, 0, 1))
+        slope = list(table.slope[chunk.shapes].transpose(2, 0, 1))
+        ends = [[component[end] for component in self._coordinates] for end in chunk.ends]
+        x = [component[chunk.vertices] for component in self._coordinates]
+        return x, ends, norm, slope, table.curvature[chunk.shapes]
+
+    def _relax_chunk(self, chunk: RingChunk, directions: np.ndarray) -> int:
+        x, ends, norm, slope, curvature = self._ring(chunk)
+        direction = list(directions[chunk.rings].T)
+        lines = coefficients(x, direction, ends, norm, slope, curvature)
+        step, before = maximise_minimum(lines)
+        moving = np.flatnonzero(step != 0.0)
+        if not len(moving):
+            return 0
+        target, v, s = self._measured(x, direction, step, ends, norm, moving)
+        with np.errstate(all="ignore"):
+            after = badness(v, s, self._dimension).max(axis=0)
+        better = improves(before[moving], after, self._dimension)
+        return self._move(chunk, moving, target, better)
+
+    def _polish_chunk(self, chunk: RingChunk, directions: np.ndarray, limit: float) -> int:
+        x, ends, norm, slope, curvature = self._ring(chunk)
+        direction = list(directions[chunk.rings].T)
+        lines = coefficients(x, direction, ends, norm, slope, curvature)
+        step, before = lowest_sum(lines, chunk.real, limit)
+        moving = np.flatnonzero(step != 0.0)
+        if not len(moving):
+            return 0
+        target, v, s = self._measured(x, direction, step, ends, norm, moving)
+        with np.errstate(all="ignore"):
+            largest = badness(v, s, self._dimension).max(axis=0)
+            after = sum_of_inverses(v, s, chunk.real[:, moving], self._dimension)
+        better = keeps(before[moving], after, largest, limit, self._dimension)
+        return self._move(chunk, moving, target, better)
+
+    def _measured(
+        self,
+        x: Components,
+        direction: Components,
+        step: np.ndarray,
+        ends: Sequence[Components],
+        norm: Sequence[np.ndarray],
+        moving: np.ndarray,
+    ) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+        """Where some of a chunk's vertices would go, as rounded, and v and s of their corners there."""
+        target = [xi[moving] + step[moving] * di[moving] for xi, di in zip(x, direction, strict=True)]
+        ends = [[component[:, moving] for component in end] for end in ends]
+        edges = [subtract(end, target) for end in ends]
+        if norm[0].size > 1:
+            norm = [row[:, moving] for row in norm]
+        return target, dot(edges[0], opposite_normal(ends)), weighted_norm(edges, norm)
+
+    def _move(self, chunk: RingChunk, moving: np.ndarray, target: Components, better: np.ndarray) -> int:
+        moved = chunk.vertices[moving[better]]
+        for component, value in zip(self._coordinates, target, strict=True):
+            component[moved] = value[better]
+        return len(moved)

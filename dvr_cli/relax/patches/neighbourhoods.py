@@ -1,0 +1,101 @@
+"""Neighbourhoods of corners: the patches that a round of relaxing takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvr_cli.mesh.csr import row_entries
+from dvr_cli.mesh.rings import incidence_of
+from dvr_cli.relax.problem import Problem
+
+ROUND = 32  # patches at most
+
+# seeds, freed_start, freed by number, corner_start, corners; see ``Patches``
+_Parts = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Patches:
+    """P patches that share no corner, all in the problem's numbering.
+
+    seeds: (P,) the touched corner each is built around.
+    freed: the vertices that move, those of patch i at freed_start[i] .. freed_start[i+1].
+    corners: the touched corners with any of them, likewise. vertices, shapes: (n, d+1), (n,) of these.
+    """
+
+    seeds: np.ndarray
+    freed_start: np.ndarray
+    freed: np.ndarray
+    corner_start: np.ndarray
+    corners: np.ndarray
+    vertices: np.ndarray
+    shapes: np.ndarray
+
+    def __len__(self) -> int:
+        """P."""
+        return len(self.seeds)
+
+    def of(self, patch: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The freed vertices of a patch, and the vertices and shapes of its corners."""
+        entries = slice(*self.corner_start[patch : patch + 2])
+        freed = self.freed[slice(*self.freed_start[patch : patch + 2])]
+        return freed, self.vertices[entries], self.shapes[entries]
+
+
+class Neighbourhoods:
+    """Which relaxed vertices and touched corners surround a corner."""
+
+    def __init__(self, problem: Problem, compiled: bool) -> None:
+        """problem: whose touched corners are meant. compiled: use compiled code; the result is the same."""
+        self._compiled = compiled
+        self._touched, self._vertices = problem.touched, problem.rings.vertices
+        incidence = incidence_of(self._touched, self._vertices, len(problem.order), compiled)
+        self._relaxed = incidence.members  # (C, d+1) relaxed vertices by number, or -1
+        self._start, self._incident = incidence.start, incidence.corner
+
+    def choose(self, seeds: np.ndarray, layers: np.ndarray) -> Patches:
+        """The patches of the first ROUND of the corners ``seeds`` that share no corner with earlier ones.
+
+        layers: (C,) how many to free around each touched corner, beside its own vertices.
+        """
+        if self._compiled:
+            from dvr_cli.relax.patches.neighbourhoods_numba import choose
+
+            parts = choose(seeds, layers, ROUND, self._relaxed, self._start, self._incident)
+        else:
+            parts = self._choose(seeds, layers)
+        chosen, freed_start, freed, corner_start, corners = parts
+        return Patches(
+            seeds=chosen,
+            freed_start=freed_start,
+            freed=self._vertices[freed],
+            corner_start=corner_start,
+            corners=corners,
+            vertices=self._touched.vertices[corners],
+            shapes=self._touched.shapes[corners, 0],
+        )
+
+    def _choose(self, seeds: np.ndarray, layers: np.ndarray) -> _Parts:
+        claimed = np.zeros(len(self._relaxed), dtype=bool)
+        chosen: list[int] = []
+        freed, corners = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+        for seed in seeds.tolist():
+            if claimed[seed]:
+                continue
+            around = np.array([seed])
+            for _ in range(layers[seed] + 1):
+                inside = self._relaxed[around]
+                vertices = np.unique(inside[inside >= 0])
+                around = np.unique(self._incident[row_entries(self._start, vertices)[0]])
+            if claimed[around].any():
+                continue
+            claimed[around] = True
+            chosen.append(seed)
+            freed.append(vertices)
+            corners.append(around)
+            if len(chosen) == ROUND:
+                break
+        starts = [np.cumsum([len(part) for part in parts]) for parts in (freed, corners)]
+        return np.array(chosen), starts[0], np.concatenate(freed), starts[1], np.concatenate(corners)

@@ -1,0 +1,78 @@
+"""Neighbourhoods compiled: the patches that ``neighbourhoods`` gives, corner by corner."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.jit import compiled
+
+
+@compiled
+def choose(
+    seeds: np.ndarray,
+    layers: np.ndarray,
+    most: int,
+    relaxed: np.ndarray,
+    start: np.ndarray,
+    incident: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """See ``Neighbourhoods``: seeds, offsets and freed vertices by number, offsets and corners.
+
+    most: how many patches; relaxed: (C, d+1) relaxed vertices of each corner by number, or -1; start,
+    incident: the corners of each.
+    """
+    claimed = np.zeros(len(relaxed), dtype=np.bool_)
+    seen_vertex = np.full(len(start), -1, dtype=np.int32)  # the seed, by position, that last found it
+    seen_corner = np.full(len(relaxed), -1, dtype=np.int32)
+    freed, corners = np.empty(len(start), dtype=np.int64), np.empty(len(relaxed), dtype=np.int64)
+    freed_start, corner_start = np.zeros(most + 1, dtype=np.int64), np.zeros(most + 1, dtype=np.int64)
+    chosen = np.empty(most, dtype=np.int64)
+    n = 0
+    for number, seed in enumerate(seeds):
+        if n == most:
+            break
+        if claimed[seed]:
+            continue
+        vertex_end, corner_end = freed_start[n], corner_start[n]
+        for vertex in relaxed[seed]:
+            if vertex >= 0:
+                freed[vertex_end] = vertex
+                seen_vertex[vertex] = number
+                vertex_end += 1
+        vertex_done, corner_done = freed_start[n], corner_start[n]
+        free = True
+        for layer in range(layers[seed] + 1):
+            for i in range(vertex_done, vertex_end):
+                for entry in range(start[freed[i]], start[freed[i] + 1]):
+                    corner = incident[entry]
+                    if claimed[corner]:
+                        free = False
+                    elif seen_corner[corner] != number:
+                        seen_corner[corner] = number
+                        corners[corner_end] = corner
+                        corner_end += 1
+            if layer == layers[seed] or not free:
+                break
+            vertex_done = vertex_end
+            for i in range(corner_done, corner_end):
+                for vertex in relaxed[corners[i]]:
+                    if vertex >= 0 and seen_vertex[vertex] != number:
+                        seen_vertex[vertex] = number
+                        freed[vertex_end] = vertex
+                        vertex_end += 1
+            corner_done = corner_end
+        if not free:
+            continue
+        freed[freed_start[n] : vertex_end].sort()
+        corners[corner_start[n] : corner_end].sort()
+        claimed[corners[corner_start[n] : corner_end]] = True
+        chosen[n] = seed
+        n += 1
+        freed_start[n], corner_start[n] = vertex_end, corner_end
+    return (
+        chosen[:n],
+        freed_start[: n + 1],
+        freed[: freed_start[n]],
+        corner_start[: n + 1],
+        corners[: corner_start[n]],
+    )

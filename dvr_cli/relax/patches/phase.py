@@ -1,0 +1,151 @@
+"""Worst-first patches: where single vertices jam, a worst corner's neighbourhood is moved together.
+
+After some sweeps Q1 is decided by a few places in which no vertex alone can gain. The corners are taken worst
+first; around each the relaxed vertices within some layers are freed, and moved together by ``solver``,
+which accepts a patch only if the smallest quality of its corners grows. That suffices for the guarantee: be m
+that quality before. A vertex whose ring minimum is at most m afterwards has it from a corner outside the
+patch, which has not changed, so its ring minimum was no larger before; and the freed vertices of the worst
+corner had m and have more. So the quality vector grows in the paper's ordering (eq. 2), and Q1 never falls.
+
+A corner that gains little is tried again with one more layer. The patches of a round share no corner: they
+are as independent as the vertices of a batch, so the result does not depend on their order or on threads.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+import numpy as np
+
+from dvr_cli.boundary.freedom import Freedom
+from dvr_cli.mesh.corners import SHAPES, Corners
+from dvr_cli.quality.mean_ratio import corner_qualities
+from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.patches.neighbourhoods import ROUND, Neighbourhoods, Patches
+from dvr_cli.relax.problem import Problem
+from dvr_cli.relax.stopping import Stopping
+from dvr_cli.relax.sweeps import Relaxation, Sweep, cut_short
+
+LAYERS = 4  # around a corner's own vertices at most; beyond them hardly anything gains
+PROGRESS = 0.01  # relative growth of a patch's smallest quality below which a layer more is tried
+_CANDIDATES = 30 * ROUND  # worst corners looked at for the patches of a round
+
+
+def relax_patches(
+    engine: Engine,
+    stopping: Stopping,
+    done: int = 0,
+    on_sweep: Callable[[Sweep], None] | None = None,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> Relaxation:
+    """Relax patches from where the engine is, the worst first, until the worst corner gains no more.
+
+    A round of patches counts as a sweep. stopping: its target, max_iterations and time_limit hold. done: how
+    many sweeps came before. on_sweep: called after each round. interrupted: asked before each patch; when
+    true the mesh reached is the result. Every intermediate mesh is valid and no worse.
+    """
+    problem, begin = engine.problem, time.perf_counter()
+    if not len(problem.relaxed):
+        return Relaxation(engine.points, [], "nothing-to-relax")
+    state = _State(problem, engine.coordinates)
+    compiled = engine.name == "numba"
+    neighbourhoods = Neighbourhoods(problem, compiled)
+    solve_patch = _solver(compiled)
+    rounds: list[Sweep] = []
+
+    def solve(patches: Patches, patch: int) -> tuple[float, float]:
+        """Largest badness of a patch before and after; the same if it is time to stop."""
+        if cut_short(begin, stopping, interrupted):
+            return 1.0, 1.0
+        return solve_patch(state.points, *patches.of(patch), state.slot, *state.rules)
+
+    with ThreadPoolExecutor(engine.threads) as pool:
+        each = pool.map if engine.threads > 1 else map
+        while (reason := cut_short(begin, stopping, interrupted) or state.done(stopping.target)) is None:
+            if len(rounds) == stopping.max_iterations:
+                reason = "max-iterations"
+                break
+            start = time.perf_counter()
+            patches = neighbourhoods.choose(state.worst(), state.layers)
+            state.enter(patches)
+            results = each(partial(solve, patches), range(len(patches)))
+            moved = state.leave(patches, np.array(list(results)))
+            number, seconds = done + len(rounds) + 1, time.perf_counter() - start
+            rounds.append(Sweep(number, "patches", state.q1, moved, seconds))
+            if on_sweep is not None:
+                on_sweep(rounds[-1])
+    return Relaxation(engine.points, rounds, reason)
+
+
+def _solver(compiled: bool) -> Callable[..., tuple[float, float]]:
+    """``solve_patch`` of the compiled or of the NumPy code."""
+    if compiled:
+        from dvr_cli.relax.patches import solver_numba
+
+        return solver_numba.solve_patch
+    from dvr_cli.relax.patches import solver
+
+    return solver.solve_patch
+
+
+class _State:
+    """What has been reached and tried: the engine's coordinates, changed in place, the quality of each
+    touched corner, and how many layers were freed around it.
+    """
+
+    def __init__(self, problem: Problem, points: np.ndarray) -> None:
+        self._touched, self.points = problem.touched, points
+        d = problem.dimension
+        self.slot = np.full(len(self.points), -1, dtype=np.int32)  # of freed vertices: number in their patch
+        freedom = Freedom(np.full(len(self.points), d, dtype=np.uint8), np.zeros_like(self.points))
+        if problem.freedom is not None:
+            freedom.dimension[problem.rings.vertices] = problem.freedom.dimension
+            freedom.axis[problem.rings.vertices] = problem.freedom.axis
+        # what ``solve_patch`` needs beside the patch: the shape table, and each vertex's freedom
+        self.rules = SHAPES[d].norm, freedom.dimension, freedom.axis
+        self.quality = corner_qualities(self.points, self._touched)
+        self.layers = np.ones(len(self.quality), dtype=np.int64)  # to be freed around each corner
+        self._power = 2.0 / (d * (d - 1))
+
+    @property
+    def q1(self) -> float:
+        """Q1: the worst quality of a touched corner."""
+        return float(self.quality.min())
+
+    def done(self, target: float | None) -> str | None:
+        """Why there is nothing left to do: Q1 has reached the target, or every layer was tried around it."""
+        if target is not None and self.q1 >= target:
+            return "target"
+        return "converged" if self.layers[self.quality.argmin()] > LAYERS else None
+
+    def worst(self) -> np.ndarray:
+        """The worst corners that may gain, worst first; of equals the first."""
+        n = min(_CANDIDATES, len(self.quality))
+        limit = np.partition(self.quality, n - 1)[n - 1]
+        worst = np.flatnonzero((self.quality <= limit) & (self.layers <= LAYERS))
+        return worst[np.argsort(self.quality[worst], kind="stable")]
+
+    def enter(self, patches: Patches) -> None:
+        """Get ready to solve these patches."""
+        for patch in range(len(patches)):
+            freed = patches.of(patch)[0]
+            self.slot[freed] = np.arange(len(freed))
+
+    def leave(self, patches: Patches, badness: np.ndarray) -> int:
+        """Take note of what solving brought; returns how many vertices moved.
+
+        badness: (P, 2) largest of each patch before and after.
+        """
+        self.slot[patches.freed] = -1
+        corners = patches.corners
+        changed = Corners(patches.vertices, self._touched.shapes[corners], self._touched.first)
+        self.quality[corners] = corner_qualities(self.points, changed)
+        with np.errstate(invalid="ignore"):  # infinite before and after: no growth
+            growth = (badness[:, 0] / badness[:, 1]) ** self._power - 1.0
+        grown = growth >= PROGRESS
+        self.layers[patches.seeds[~grown]] += 1
+        self.layers[corners[np.repeat(grown, np.diff(patches.corner_start))]] = 1
+        return int(np.diff(patches.freed_start)[badness[:, 1] < badness[:, 0]].sum())

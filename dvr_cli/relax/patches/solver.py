@@ -1,0 +1,211 @@
+"""Moving the vertices of a patch together, so that its worst corner gains.
+
+The patch's smallest quality is raised by way of a smooth bound on its largest badness B, the ℓ^k norm
+
+    f = (Σ_c r_c^k)^(1/k),   r_c = B_c / B_max,   max r ≤ f ≤ (number of corners)^(1/k) max r,
+
+minimised by L-BFGS for one k after the other, B_max being the largest badness when k's turn begins. Since B
+is 1/Q in 2D and 1/Q³ in 3D, it is the ℓ^p norm of 1/Q with p = k and 3k. k is a power of two: powers and
+roots are repeated squares and square roots, so the compiled twin gets the same bits. A step that leaves the
+positive elements has f = ∞ and is halved like any step that does not descend.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.mesh.simplex import cross, dot, edges_and_determinant
+from dvr_cli.quality.badness import badness
+from dvr_cli.quality.mean_ratio import weighted_norm
+from dvr_cli.relax.line import improves
+
+SQUARINGS = ((5, 9, 13), (4, 8, 12))  # log2 of each k, in 2D and in 3D
+ITERATIONS = 100  # of L-BFGS for one k at most; about 25 are usual
+MEMORY = 8  # pairs of step and change of gradient that L-BFGS keeps
+HALVINGS = 12  # of a step that does not descend enough, before giving up
+DECREASE = 1e-4  # part of the descent that the slope promises which a step has to make (Armijo)
+FIRST_STEP = 0.02  # largest move in the first iteration for one k, in units of the mean edge length
+FLAT = 1e-5  # relative descent of f in an iteration below which it is the next k's turn
+NEGLIGIBLE = 1e-12  # share of a corner in Σ r^k below which its gradient is left out
+
+# For each edge of a corner the other edges, and where the coefficient of their product stands in the norm.
+_PRODUCTS = {2: (((1, 2),), ((0, 2),)), 3: (((1, 3), (2, 4)), ((0, 3), (2, 5)), ((0, 4), (1, 5)))}
+
+
+def solve_patch(
+    points: np.ndarray,
+    moving: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
+    slot: np.ndarray,
+    norm: np.ndarray,
+    dimension: np.ndarray,
+    axis: np.ndarray,
+) -> tuple[float, float]:
+    """Move the vertices of a patch if that makes its smallest quality grow.
+
+    points: (N, d), changed in place. The others are those of ``PatchEnergy``. Returns the largest badness of
+    the patch before and after, the same if nothing moved.
+    """
+    d = points.shape[1]
+    energy = PatchEnergy(points, moving, vertices, shapes, slot, norm, dimension, axis)
+    start = points[moving]
+    before = energy.badness().max()
+    if before == np.inf:
+        return before, before
+    for squarings in SQUARINGS[d - 2]:
+        _minimise(energy, squarings)
+    # the rounding of many steps has added up: back into the lines and planes, with that of one
+    moved = energy.within_freedom(energy.within_freedom(points[moving] - start))
+    points[moving] = start + moved
+    after = energy.badness().max()
+    if improves(before, after, d):
+        return before, after
+    points[moving] = start
+    return before, before
+
+
+class PatchEnergy:
+    """The ℓ^k norm of the badness of a patch's corners, and its gradient, where ``points`` has them."""
+
+    def __init__(
+        self,
+        points: np.ndarray,
+        moving: np.ndarray,
+        vertices: np.ndarray,
+        shapes: np.ndarray,
+        slot: np.ndarray,
+        norm: np.ndarray,
+        dimension: np.ndarray,
+        axis: np.ndarray,
+    ) -> None:
+        """Set up the patch of the vertices ``moving`` (n,).
+
+        points: (N, d), which the caller moves. vertices: (C, d+1) and shapes: (C,) of all corners with a
+        moving vertex. slot: (N,) number of each moving vertex among them, negative for all that stay.
+        norm: of ``ShapeTable``. dimension, axis: of ``Freedom``.
+        """
+        self.points, self.moving = points, moving
+        self._vertices = vertices
+        self._dimension, self._axis = dimension[moving][:, None], axis[moving]
+        self._norm = norm[shapes].T
+        slots = slot[vertices]
+        own = np.broadcast_to(slots[:, :1], slots[:, 1:].shape)
+        slots = np.stack([slots[:, 1:], own], axis=2)  # of both ends of each edge
+        self._slots = np.where(slots < 0, len(moving), slots)  # the last slot is for what does not move
+        edges, _ = edges_and_determinant(points, vertices)
+        lengths = np.sqrt(dot(edges[0], edges[0]))
+        self.size = np.add.accumulate(lengths)[-1] / len(lengths)  # mean edge length
+
+    def badness(self) -> np.ndarray:
+        """(C,) B of each corner, infinite where it is not positive."""
+        edges, v = edges_and_determinant(self.points, self._vertices)
+        with np.errstate(all="ignore"):
+            return badness(v, weighted_norm(edges, self._norm), len(edges))
+
+    def norm(self, reference: float, squarings: int) -> tuple[float, np.ndarray]:
+        """f, with k = 2^squarings and ``reference`` for B_max, and the share of each corner in Σ r^k."""
+        with np.errstate(all="ignore"):
+            power = self.badness() / reference
+            for _ in range(squarings):
+                power = power * power
+            total = f = np.add.accumulate(power)[-1]
+            for _ in range(squarings):
+                f = np.sqrt(f)
+            return f, power / total
+
+    def gradient(self, f: float, share: np.ndarray) -> np.ndarray:
+        """(n, d) gradient of f within the freedom of each vertex, from what ``norm`` gave.
+
+        ∇f = f Σ_c share_c ∇B_c / B_c with ∇B/B = ∇s/s - ∇v/v in 2D and 3 ∇s/s - 2 ∇v/v in 3D.
+        """
+        chosen = np.flatnonzero(~(share < NEGLIGIBLE))
+        weight = share[chosen] * f
+        norm = self._norm[:, chosen]
+        edges, _ = edges_and_determinant(self.points, self._vertices[chosen])
+        d = len(edges)
+        if d == 2:
+            e, h = edges
+            normals = [[h[1], -h[0]], [-e[1], e[0]]]
+        else:
+            normals = [cross(edges[(j + 1) % 3], edges[(j + 2) % 3]) for j in range(3)]
+        along = []  # ∂s/∂e_j
+        for j in range(d):
+            row = [2.0 * norm[j] * edges[j][i] for i in range(d)]
+            for other, place in _PRODUCTS[d][j]:
+                row = [row[i] + norm[place] * edges[other][i] for i in range(d)]
+            along.append(row)
+        v, twice_s = dot(edges[0], normals[0]), dot(edges[0], along[0])
+        for j in range(1, d):
+            for i in range(d):
+                twice_s = twice_s + edges[j][i] * along[j][i]
+        to_s, to_v = 2.0 * weight / twice_s, weight / v
+        if d == 3:
+            to_s, to_v = 3.0 * to_s, 2.0 * to_v
+        slots, n = self._slots[chosen].ravel(), len(self.moving)
+        g = np.empty((n, d))
+        for i in range(d):
+            part = np.stack([to_s * along[j][i] - to_v * normals[j][i] for j in range(d)], axis=1)
+            both = np.stack([part, -part], axis=2).ravel()  # on the edge's end, and on the corner's vertex
+            g[:, i] = np.bincount(slots, both, n + 1)[:n]
+        return self.within_freedom(g)
+
+    def within_freedom(self, g: np.ndarray) -> np.ndarray:
+        """The part of each row of ``g`` that lies in its vertex's line or plane."""
+        along = dot(list(g.T), list(self._axis.T))[:, None] * self._axis
+        inside = np.where(self._dimension == 1, along, g - along)
+        return np.where(self._dimension == g.shape[1], g, inside)
+
+
+def _minimise(energy: PatchEnergy, squarings: int) -> None:
+    """Move the patch's vertices to a minimum of f for k = 2^squarings, or towards it."""
+    x = energy.points[energy.moving]
+    reference = energy.badness().max()
+    f, share = energy.norm(reference, squarings)
+    g = energy.gradient(f, share)
+    pairs: list[tuple[np.ndarray, np.ndarray, float]] = []
+    for _ in range(ITERATIONS):
+        direction = _descent(g, pairs)
+        slope = _dot(g, direction)
+        if not slope < 0.0:
+            return
+        step = 1.0 if pairs else FIRST_STEP * energy.size / np.abs(direction).max()
+        for _ in range(HALVINGS):
+            reached = x + step * direction
+            energy.points[energy.moving] = reached
+            trial, share = energy.norm(reference, squarings)
+            if trial <= f + DECREASE * step * slope:
+                break
+            step *= 0.5
+        else:
+            energy.points[energy.moving] = x
+            return
+        new = energy.gradient(trial, share)
+        taken, change = reached - x, new - g
+        curvature = _dot(taken, change)
+        if curvature > 0.0:
+            pairs = [*pairs, (taken, change, curvature)][-MEMORY:]
+        gain = f - trial
+        x, f, g = reached, trial, new
+        if gain < FLAT * f:
+            return
+
+
+def _descent(g: np.ndarray, pairs: list[tuple[np.ndarray, np.ndarray, float]]) -> np.ndarray:
+    """The direction of L-BFGS: -g times the inverse Hessian that the pairs suggest (two-loop recursion)."""
+    direction = -g
+    factors = []
+    for taken, change, curvature in reversed(pairs):
+        factors.append(_dot(taken, direction) / curvature)
+        direction = direction - factors[-1] * change
+    if pairs:
+        _, change, curvature = pairs[-1]
+        direction = direction * (curvature / _dot(change, change))
+    for (taken, change, curvature), factor in zip(pairs, reversed(factors), strict=True):
+        direction = direction + (factor - _dot(change, direction) / curvature) * taken
+    return direction
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> float:
+    """Scalar product of two (n, d) vectors: for each component in order of the rows, then over components."""
+    return float(np.add.accumulate(np.add.accumulate(a * b)[-1])[-1])

@@ -1,0 +1,344 @@
+"""Patches compiled: the same operations in the same order as ``patch_solver``, corner by corner.
+
+Each function here is the scalar twin of one there, where the mathematics is explained. Patches of one batch
+share no corner, so they are solved in place, in any order and on any number of threads.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.jit import compiled, inlined
+from dvr_cli.quality.badness_numba import badness
+from dvr_cli.relax.line_numba import improves
+from dvr_cli.relax.patches.solver import (
+    DECREASE,
+    FIRST_STEP,
+    FLAT,
+    HALVINGS,
+    ITERATIONS,
+    MEMORY,
+    NEGLIGIBLE,
+    SQUARINGS,
+)
+
+
+@compiled
+def solve_patch(
+    points: np.ndarray,
+    moving: np.ndarray,
+    corners: np.ndarray,
+    kinds: np.ndarray,
+    slot: np.ndarray,
+    norm: np.ndarray,
+    dimension: np.ndarray,
+    axis: np.ndarray,
+) -> tuple[float, float]:
+    """See ``patch_solver.solve_patch``; corners: the vertices of each, kinds: their rows of ``norm``."""
+    d = points.shape[1]
+    bad, power, start = np.empty(len(corners)), np.empty(len(corners)), np.empty(len(moving) * d)
+    _take(points, moving, start)
+    before = _badnesses(points, corners, kinds, norm, bad)
+    if before == np.inf:
+        return before, before
+    size = _size(points, corners)
+    for squarings in SQUARINGS[d - 2]:
+        _minimise(points, moving, corners, kinds, slot, norm, dimension, axis, squarings, size, bad, power)
+    moved = np.empty(len(start))
+    _take(points, moving, moved)
+    moved -= start
+    _restrict(moved, moving, dimension, axis)
+    _restrict(moved, moving, dimension, axis)
+    _put(points, moving, start + moved)
+    after = _badnesses(points, corners, kinds, norm, bad)
+    if improves(before, after, d):
+        return before, after
+    _put(points, moving, start)
+    return before, before
+
+
+@compiled
+def _minimise(
+    points: np.ndarray,
+    moving: np.ndarray,
+    corners: np.ndarray,
+    kinds: np.ndarray,
+    slot: np.ndarray,
+    norm: np.ndarray,
+    dimension: np.ndarray,
+    axis: np.ndarray,
+    squarings: int,
+    size: float,
+    bad: np.ndarray,
+    power: np.ndarray,
+) -> None:
+    """See ``patch_solver._minimise``; vectors (n, d) are flat, pairs stand in the rows of two arrays."""
+    d = points.shape[1]
+    n = len(moving) * d
+    rows = MEMORY + 1  # one more for a pair that is not kept
+    steps, changes, curvature = np.empty((rows, n)), np.empty((rows, n)), np.empty(rows)
+    factor = np.empty(rows)
+    x, reached, direction, g, new = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    kept = 0
+    _take(points, moving, x)
+    reference = _badnesses(points, corners, kinds, norm, bad)
+    f, total = _norm(bad, reference, squarings, power)
+    _gradient(points, moving, corners, kinds, norm, slot, dimension, axis, power, f, total, g)
+    for _ in range(ITERATIONS):
+        _descent(g, steps, changes, curvature, factor, kept, d, direction)
+        slope = _dot(g, direction, d)
+        if not slope < 0.0:
+            return
+        step = 1.0
+        if kept == 0:
+            largest = 0.0
+            for i in range(n):
+                largest = max(largest, abs(direction[i]))
+            step = FIRST_STEP * size / largest
+        falls, trial = False, f
+        for _ in range(HALVINGS):
+            for i in range(n):
+                reached[i] = x[i] + step * direction[i]
+            _put(points, moving, reached)
+            _badnesses(points, corners, kinds, norm, bad)
+            trial, total = _norm(bad, reference, squarings, power)
+            falls = trial <= f + DECREASE * step * slope
+            if falls:
+                break
+            step *= 0.5
+        if not falls:
+            _put(points, moving, x)
+            return
+        _gradient(points, moving, corners, kinds, norm, slot, dimension, axis, power, trial, total, new)
+        row = kept % rows
+        for i in range(n):
+            steps[row, i] = reached[i] - x[i]
+            changes[row, i] = new[i] - g[i]
+            x[i], g[i] = reached[i], new[i]
+        curvature[row] = _dot(steps[row], changes[row], d)
+        if curvature[row] > 0.0:
+            kept += 1
+        gain, f = f - trial, trial
+        if gain < FLAT * f:
+            return
+
+
+@compiled
+def _descent(
+    g: np.ndarray,
+    steps: np.ndarray,
+    changes: np.ndarray,
+    curvature: np.ndarray,
+    factor: np.ndarray,
+    kept: int,
+    d: int,
+    direction: np.ndarray,
+) -> None:
+    """See ``patch_solver._descent``; pair number i stands in row i modulo the number of rows."""
+    rows, oldest = len(steps), max(kept - MEMORY, 0)
+    for i in range(len(g)):
+        direction[i] = -g[i]
+    for pair in range(kept - 1, oldest - 1, -1):
+        row = pair % rows
+        factor[row] = _dot(steps[row], direction, d) / curvature[row]
+        for i in range(len(g)):
+            direction[i] = direction[i] - factor[row] * changes[row, i]
+    if kept > 0:
+        row = (kept - 1) % rows
+        scale = curvature[row] / _dot(changes[row], changes[row], d)
+        for i in range(len(g)):
+            direction[i] = direction[i] * scale
+    for pair in range(oldest, kept):
+        row = pair % rows
+        weight = factor[row] - _dot(changes[row], direction, d) / curvature[row]
+        for i in range(len(g)):
+            direction[i] = direction[i] + weight * steps[row, i]
+
+
+@inlined
+def _take(points: np.ndarray, moving: np.ndarray, values: np.ndarray) -> None:
+    """Fill ``values`` with the coordinates of some vertices, end to end."""
+    d = points.shape[1]
+    for i in range(len(moving)):
+        for j in range(d):
+            values[i * d + j] = points[moving[i], j]
+
+
+@inlined
+def _put(points: np.ndarray, moving: np.ndarray, values: np.ndarray) -> None:
+    """Set the coordinates of some vertices."""
+    d = points.shape[1]
+    for i in range(len(moving)):
+        for j in range(d):
+            points[moving[i], j] = values[i * d + j]
+
+
+@inlined
+def _dot(a: np.ndarray, b: np.ndarray, d: int) -> float:
+    """See ``patch_solver._dot``."""
+    t0, t1, t2 = 0.0, 0.0, 0.0
+    if d == 2:
+        for i in range(0, len(a), 2):
+            t0 += a[i] * b[i]
+            t1 += a[i + 1] * b[i + 1]
+        return t0 + t1
+    for i in range(0, len(a), 3):
+        t0 += a[i] * b[i]
+        t1 += a[i + 1] * b[i + 1]
+        t2 += a[i + 2] * b[i + 2]
+    return t0 + t1 + t2
+
+
+@inlined
+def _restrict(g: np.ndarray, moving: np.ndarray, dimension: np.ndarray, axis: np.ndarray) -> None:
+    """See ``PatchEnergy.within_freedom``."""
+    d = axis.shape[1]
+    for i in range(len(moving)):
+        vertex = moving[i]
+        if dimension[vertex] == d:
+            continue
+        along = 0.0
+        for j in range(d):
+            along = along + g[i * d + j] * axis[vertex, j]
+        for j in range(d):
+            part = along * axis[vertex, j]
+            g[i * d + j] = part if dimension[vertex] == 1 else g[i * d + j] - part
+
+
+@compiled
+def _size(points: np.ndarray, corners: np.ndarray) -> float:
+    """The mean edge length, see ``PatchEnergy``."""
+    total = 0.0
+    for c in range(len(corners)):
+        square = 0.0
+        for j in range(points.shape[1]):
+            edge = points[corners[c, 1], j] - points[corners[c, 0], j]
+            square = square + edge * edge
+        total += np.sqrt(square)
+    return total / len(corners)
+
+
+@compiled
+def _badnesses(
+    points: np.ndarray, corners: np.ndarray, kinds: np.ndarray, norm: np.ndarray, bad: np.ndarray
+) -> float:
+    """Fill ``bad`` with the badness of each corner, infinite where it is not positive; the largest."""
+    largest = 0.0
+    if points.shape[1] == 2:
+        for c in range(len(corners)):
+            o, p, q, k = corners[c, 0], corners[c, 1], corners[c, 2], kinds[c]
+            e0, e1 = points[p, 0] - points[o, 0], points[p, 1] - points[o, 1]
+            f0, f1 = points[q, 0] - points[o, 0], points[q, 1] - points[o, 1]
+            v = e0 * (points[q, 1] - points[p, 1]) + e1 * -(points[q, 0] - points[p, 0])
+            s = norm[k, 0] * (e0 * e0 + e1 * e1)
+            s = s + norm[k, 1] * (f0 * f0 + f1 * f1)
+            s = s + norm[k, 2] * (e0 * f0 + e1 * f1)
+            bad[c] = badness(v, s, 2)
+            largest = max(largest, bad[c])
+        return largest
+    for c in range(len(corners)):
+        o, p, q, r, k = corners[c, 0], corners[c, 1], corners[c, 2], corners[c, 3], kinds[c]
+        x0, x1, x2 = points[o, 0], points[o, 1], points[o, 2]
+        p0, p1, p2 = points[p, 0], points[p, 1], points[p, 2]
+        q0, q1, q2 = points[q, 0], points[q, 1], points[q, 2]
+        r0, r1, r2 = points[r, 0], points[r, 1], points[r, 2]
+        a0, a1, a2 = q0 - p0, q1 - p1, q2 - p2
+        b0, b1, b2 = r0 - p0, r1 - p1, r2 - p2
+        e0, e1, e2 = p0 - x0, p1 - x1, p2 - x2
+        f0, f1, f2 = q0 - x0, q1 - x1, q2 - x2
+        g0, g1, g2 = r0 - x0, r1 - x1, r2 - x2
+        v = e0 * (a1 * b2 - a2 * b1) + e1 * (a2 * b0 - a0 * b2) + e2 * (a0 * b1 - a1 * b0)
+        s = norm[k, 0] * (e0 * e0 + e1 * e1 + e2 * e2)
+        s = s + norm[k, 1] * (f0 * f0 + f1 * f1 + f2 * f2)
+        s = s + norm[k, 2] * (g0 * g0 + g1 * g1 + g2 * g2)
+        s = s + norm[k, 3] * (e0 * f0 + e1 * f1 + e2 * f2)
+        s = s + norm[k, 4] * (e0 * g0 + e1 * g1 + e2 * g2)
+        s = s + norm[k, 5] * (f0 * g0 + f1 * g1 + f2 * g2)
+        bad[c] = badness(v, s, 3)
+        largest = max(largest, bad[c])
+    return largest
+
+
+@compiled
+def _norm(bad: np.ndarray, reference: float, squarings: int, power: np.ndarray) -> tuple[float, float]:
+    """See ``PatchEnergy.norm``; fills ``power`` with r^k and returns f and its sum."""
+    for c in range(len(bad)):
+        value = bad[c] / reference
+        for _ in range(squarings):
+            value = value * value
+        power[c] = value
+    total = 0.0
+    for c in range(len(bad)):
+        total += power[c]
+    f = total
+    for _ in range(squarings):
+        f = np.sqrt(f)
+    return f, total
+
+
+@compiled
+def _gradient(
+    points: np.ndarray,
+    moving: np.ndarray,
+    corners: np.ndarray,
+    kinds: np.ndarray,
+    norm: np.ndarray,
+    slot: np.ndarray,
+    dimension: np.ndarray,
+    axis: np.ndarray,
+    power: np.ndarray,
+    f: float,
+    total: float,
+    g: np.ndarray,
+) -> None:
+    """See ``PatchEnergy.gradient``; total: the sum of ``power``."""
+    g[:] = 0.0
+    d = points.shape[1]
+    e = np.empty((d, d))
+    along = np.empty((d, d))
+    normal = np.empty((d, d))
+    for c in range(len(corners)):
+        weight = power[c] / total
+        if weight < NEGLIGIBLE:
+            continue
+        weight = weight * f
+        k = kinds[c]
+        for j in range(d):
+            for i in range(d):
+                e[j, i] = points[corners[c, j + 1], i] - points[corners[c, 0], i]
+        if d == 2:
+            normal[0, 0], normal[0, 1] = e[1, 1], -e[1, 0]
+            normal[1, 0], normal[1, 1] = -e[0, 1], e[0, 0]
+            for i in range(2):
+                along[0, i] = 2.0 * norm[k, 0] * e[0, i] + norm[k, 2] * e[1, i]
+                along[1, i] = 2.0 * norm[k, 1] * e[1, i] + norm[k, 2] * e[0, i]
+        else:
+            for j in range(3):
+                a, b = (j + 1) % 3, (j + 2) % 3
+                normal[j, 0] = e[a, 1] * e[b, 2] - e[a, 2] * e[b, 1]
+                normal[j, 1] = e[a, 2] * e[b, 0] - e[a, 0] * e[b, 2]
+                normal[j, 2] = e[a, 0] * e[b, 1] - e[a, 1] * e[b, 0]
+            for i in range(3):
+                along[0, i] = 2.0 * norm[k, 0] * e[0, i] + norm[k, 3] * e[1, i] + norm[k, 4] * e[2, i]
+                along[1, i] = 2.0 * norm[k, 1] * e[1, i] + norm[k, 3] * e[0, i] + norm[k, 5] * e[2, i]
+                along[2, i] = 2.0 * norm[k, 2] * e[2, i] + norm[k, 4] * e[0, i] + norm[k, 5] * e[1, i]
+        v, s = e[0, 0] * normal[0, 0], e[0, 0] * along[0, 0]
+        for i in range(1, d):
+            v = v + e[0, i] * normal[0, i]
+            s = s + e[0, i] * along[0, i]
+        for j in range(1, d):
+            for i in range(d):
+                s = s + e[j, i] * along[j, i]
+        to_s, to_v = 2.0 * weight / s, weight / v
+        if d == 3:
+            to_s, to_v = 3.0 * to_s, 2.0 * to_v
+        own = slot[corners[c, 0]]
+        for j in range(d):
+            other = slot[corners[c, j + 1]]
+            for i in range(d):
+                part = to_s * along[j, i] - to_v * normal[j, i]
+                if other >= 0:
+                    g[other * d + i] += part
+                if own >= 0:
+                    g[own * d + i] -= part
+    _restrict(g, moving, dimension, axis)

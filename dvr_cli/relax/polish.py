@@ -1,0 +1,175 @@
+"""Raising the mean quality without giving up the worst: the sum of 1/Q along a line, above a floor.
+
+Along its line each 1/Q of a vertex's ring is convex where the ring is positive, so their sum has one lowest
+point, and the λ at which no Q is below a floor form an interval. The lowest sum on that interval is found by
+Newton's method, and by Newton's method again from outside to the end of the interval when it lies beyond.
+
+    1/Q = s u,   u = v^(-2/d),   r = v'/v,   q = 2/d:
+    (1/Q)' = u (s' - q s r),     (1/Q)'' = u (s'' - 2 q s' r + q (q + 1) s r²)
+
+Only + - * / and square roots are used, and sums run over the corners one after the other, so that
+``mean_kernel`` gets the same bits. Arrays have shape (K, n) as in ``line``; real marks the columns' own
+corners, as opposed to repetitions that fill short rings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dvr_cli.mesh.simplex import Components, dot, opposite_normal, subtract
+from dvr_cli.quality.badness import badness
+from dvr_cli.quality.mean_ratio import weighted_norm
+from dvr_cli.relax.line import GAIN, ROUNDING, Lines, flatness
+from dvr_cli.relax.steepest import gradient, restrict
+
+SUM_GAIN = 1e-9  # relative fall of the sum below which a vertex is left where it is
+CLOSE = 1e-4  # relative length of the last Newton step
+MAX_STEPS = 30  # Newton steps towards the lowest sum; about 4 are usual
+MAX_CLIPS = 30  # Newton steps towards the floor; about 4 are usual
+INSIDE = 1e-6  # how far above the floor, in relative badness, the line is left
+CUBE_ROOT = 0x553EF0FF289DD796  # first guess of v^(-1/3): this less a third of the bits of v
+
+
+def inverse_power(v: np.ndarray) -> np.ndarray:
+    """v^(-2/3) for positive v, to rounding, by three steps of Halley's method."""
+    y = (np.int64(CUBE_ROOT) - np.ascontiguousarray(v).view(np.int64) // 3).view(np.float64)
+    for _ in range(3):
+        t = 1.0 - v * y * y * y
+        y = y + y * t * (1.0 / 3.0 + 2.0 / 9.0 * t)
+    return y * y
+
+
+def lowest_sum(lines: Lines, real: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
+    """λ that minimises the ring's sum of 1/Q with no badness above limit; 0 where it should stay.
+
+    Returns (λ, sum at λ = 0), both (n,). A vertex stays when its ring is not all positive.
+    """
+    with np.errstate(all="ignore"):  # corners that are not positive are dealt with at the end
+        barrier = -lines.v0 / lines.v1
+        low = np.where(lines.v1 > 0, barrier, -np.inf).max(axis=0)
+        high = np.where(lines.v1 < 0, barrier, np.inf).min(axis=0)
+        positive = badness(lines.v0, lines.s0, lines.dimension).max(axis=0) < np.inf
+        now = sum_of_inverses(lines.v0, lines.s0, real, lines.dimension)
+        step = np.zeros(len(now))
+        active = np.flatnonzero(positive)
+        if len(active):
+            ring = lines.taken(active)
+            at = _bottom(ring, real[:, active], low[active], high[active])
+            step[active] = _clipped(ring, at, limit)
+    return step, now
+
+
+def sum_of_inverses(v: np.ndarray, s: np.ndarray, real: np.ndarray, dimension: int) -> np.ndarray:
+    """The sum of 1/Q over each ring; without meaning unless all v are positive."""
+    return _sum(s * (1.0 / v if dimension == 2 else inverse_power(v)), real)
+
+
+def mean_ascent(
+    x: Components,
+    ends: Sequence[Components],
+    norm: Sequence[np.ndarray],
+    slope: Sequence[np.ndarray],
+    within: tuple[np.ndarray, Components] | None,
+    real: np.ndarray,
+) -> list[np.ndarray]:
+    """Unit vectors along which the sum of 1/Q of n rings falls fastest; arguments as for ``steepest``.
+
+    Zero where it does not fall, and where a corner is not positive.
+    """
+    d = len(x)
+    edges = [subtract(end, x) for end in ends]
+    normal = opposite_normal(ends)
+    v, s = dot(edges[0], normal), weighted_norm(edges, norm)
+    with np.errstate(all="ignore"):  # what is not finite is found at the end
+        inverse = s * (1.0 / v if d == 2 else inverse_power(v))
+        total = [_sum(inverse * g, real) for g in gradient(edges, normal, v, s, slope)]
+        total = total if within is None else restrict(total, within)
+        length = dot(total, total)
+        usable = (badness(v, s, d).max(axis=0) < np.inf) & (length > 0.0) & (length < np.inf)
+        root = np.sqrt(length)
+        return [np.where(usable, -t / root, 0.0) for t in total]
+
+
+def keeps(
+    before: np.ndarray, after: np.ndarray, largest: np.ndarray, limit: float, dimension: int
+) -> np.ndarray:
+    """Whether the sum fell while the largest badness stayed within the limit, whatever the rounding.
+
+    before, after: (n,) sums; largest: (n,) the badness after; for the margin see ``line.improves``.
+    """
+    uncertain = ROUNDING * flatness(largest, dimension)
+    with np.errstate(invalid="ignore"):
+        within = largest * (1.0 + (1.5 * dimension * GAIN + uncertain)) <= limit
+    return (uncertain < 0.5) & within & (after < before * (1.0 - SUM_GAIN))
+
+
+def _sum(terms: np.ndarray, real: np.ndarray) -> np.ndarray:
+    """Sums of columns, in their order."""
+    terms = np.where(real, terms, 0.0)
+    total = terms[0]
+    for k in range(1, len(terms)):
+        total = total + terms[k]
+    return total
+
+
+def _bottom(lines: Lines, real: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """λ in (low, high) that minimises the sum of 1/Q, from λ = 0."""
+    n = len(low)
+    result, which, at = np.zeros(n), np.arange(n), np.zeros(n)
+    for _ in range(MAX_STEPS):
+        slope, curvature = _derivatives(lines, real, at)
+        low, high = np.where(slope < 0.0, at, low), np.where(slope < 0.0, high, at)
+        newton = at - slope / curvature
+        after = np.where((newton > low) & (newton < high), newton, 0.5 * (low + high))
+        after = np.where(slope == 0.0, at, after)
+        result[which] = after
+        keep = np.flatnonzero(np.abs(after - at) > CLOSE * np.abs(after))
+        if not len(keep):
+            break
+        at = after[keep]
+        lines, real, which, low, high = (
+            lines.taken(keep),
+            real[:, keep],
+            which[keep],
+            low[keep],
+            high[keep],
+        )
+    return result
+
+
+def _derivatives(lines: Lines, real: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and second derivative of the sum of 1/Q at λ."""
+    q = 2.0 / lines.dimension
+    v, s = lines.v(at), lines.s(at)
+    u = 1.0 / v if lines.dimension == 2 else inverse_power(v)
+    r = lines.v1 / v
+    ds = 2.0 * (lines.s1 + lines.s2 * at)
+    first = u * (ds - q * s * r)
+    second = u * (2.0 * lines.s2 - 2.0 * q * ds * r + q * (q + 1.0) * s * r * r)
+    return _sum(first, real), _sum(second, real)
+
+
+def _clipped(lines: Lines, at: np.ndarray, limit: float) -> np.ndarray:
+    """λ between 0 and ``at``, as near to that as the limit on the badness allows.
+
+    B = limit is where t = rate · v; t - rate · v is convex, so Newton's method stays outside all the way.
+    """
+    aim = limit * (1.0 - INSIDE)
+    rate = aim if lines.dimension == 2 else np.sqrt(aim)
+    result, which = at.copy(), np.arange(len(at))
+    for _ in range(MAX_CLIPS):
+        all_badness = lines.badness(at)
+        worst = all_badness.argmax(axis=0)
+        keep = np.flatnonzero(all_badness[worst, np.arange(len(at))] > limit * (1.0 - 0.1 * INSIDE))
+        if not len(keep):
+            break
+        lines, which, at, worst = lines.taken(keep), which[keep], at[keep], worst[keep]
+        one = lines.of(worst)
+        v, t, dt = one.root(at)
+        after = at - (t - rate * v) / (dt - rate * one.v1)
+        # beyond 0 there is nothing to gain
+        at = np.where((after * at > 0.0) & (np.abs(after) < np.abs(at)), after, 0.0)
+        result[which] = at
+    return result

@@ -1,0 +1,216 @@
+"""Raising the mean quality compiled: the same operations in the same order as ``mean``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.jit import compiled, inlined
+from dvr_cli.relax.columns_numba import (
+    BADNESS,
+    GRADIENT,
+    POWER,
+    S0,
+    S1,
+    S2,
+    SHAPE,
+    V0,
+    V1,
+    set_ring,
+)
+from dvr_cli.relax.line import GAIN, ROUNDING
+from dvr_cli.relax.line_numba import root, s_at, v_at, worst_corner
+from dvr_cli.relax.polish import CLOSE, CUBE_ROOT, INSIDE, MAX_CLIPS, MAX_STEPS, SUM_GAIN
+from dvr_cli.relax.steepest_numba import gradient, restrict
+
+
+@compiled
+def polish_rings(
+    points: np.ndarray,
+    directions: np.ndarray,
+    first: int,
+    last: int,
+    vertices: np.ndarray,
+    start: np.ndarray,
+    others: np.ndarray,
+    shapes: np.ndarray,
+    norm: np.ndarray,
+    slope: np.ndarray,
+    curvature: np.ndarray,
+    limit: float,
+    scratch: np.ndarray,
+) -> int:
+    """Move the vertices of rings first .. last, each to where the sum of 1/Q is lowest above the floor.
+
+    limit: the badness at the floor. The other arguments are as for ``relax_rings``. Returns how many moved.
+    """
+    scratch[SHAPE] = -1.0
+    d = points.shape[1]
+    tables = norm, slope, curvature
+    moved = 0
+    for ring in range(first, last):
+        vertex = vertices[ring]
+        d0, d1, d2 = directions[ring, 0], directions[ring, 1], directions[ring, 2] if d == 3 else 0.0
+        n = set_ring(points, vertex, d0, d1, d2, ring, start, others, shapes, *tables, scratch)
+        if scratch[BADNESS, worst_corner(scratch, n, 0.0, d)] == np.inf:
+            continue
+        before = _sum_of_inverses(scratch, n, d)
+        step = _clipped(scratch, n, d, _bottom(scratch, n, d), limit)
+        if step == 0.0:
+            continue
+        x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2] if d == 3 else 0.0
+        _put(points, vertex, x0 + step * d0, x1 + step * d1, x2 + step * d2)
+        set_ring(points, vertex, 0.0, 0.0, 0.0, ring, start, others, shapes, *tables, scratch)
+        largest = scratch[BADNESS, worst_corner(scratch, n, 0.0, d)]
+        if _keeps(before, _sum_of_inverses(scratch, n, d), largest, limit, d):
+            moved += 1
+        else:
+            _put(points, vertex, x0, x1, x2)
+    return moved
+
+
+@compiled
+def mean_directions(
+    points: np.ndarray,
+    directions: np.ndarray,
+    first: int,
+    last: int,
+    vertices: np.ndarray,
+    start: np.ndarray,
+    others: np.ndarray,
+    shapes: np.ndarray,
+    norm: np.ndarray,
+    slope: np.ndarray,
+    curvature: np.ndarray,
+    on_line: np.ndarray,
+    axis: np.ndarray,
+    scratch: np.ndarray,
+) -> None:
+    """Set the rows first .. last of ``directions`` to those along which their sums of 1/Q fall fastest.
+
+    The arguments are as for ``steepest_directions``.
+    """
+    scratch[SHAPE] = -1.0
+    d = points.shape[1]
+    for ring in range(first, last):
+        vertex = vertices[ring]
+        directions[ring] = 0.0
+        n = set_ring(
+            points, vertex, 0.0, 0.0, 0.0, ring, start, others, shapes, norm, slope, curvature, scratch
+        )
+        if scratch[BADNESS, worst_corner(scratch, n, 0.0, d)] == np.inf:
+            continue
+        _set_powers(scratch, n, d, 0.0)
+        total = n  # the column of the sum
+        for c in range(n):
+            gradient(points, vertex, c, d, scratch, c)
+            inverse = scratch[S0, c] * scratch[POWER, c]
+            for i in range(d):
+                here = inverse * scratch[GRADIENT + i, c]
+                scratch[GRADIENT + i, total] = here if c == 0 else scratch[GRADIENT + i, total] + here
+        if len(axis):
+            restrict(on_line[ring], axis, ring, d, scratch, total)
+        length = scratch[GRADIENT, total] * scratch[GRADIENT, total]
+        for i in range(1, d):
+            length = length + scratch[GRADIENT + i, total] * scratch[GRADIENT + i, total]
+        if 0.0 < length < np.inf:
+            size = np.sqrt(length)
+            for i in range(d):
+                directions[ring, i] = -scratch[GRADIENT + i, total] / size
+
+
+@inlined
+def _put(points: np.ndarray, vertex: int, x0: float, x1: float, x2: float) -> None:
+    points[vertex, 0], points[vertex, 1] = x0, x1
+    if points.shape[1] == 3:
+        points[vertex, 2] = x2
+
+
+@inlined
+def _keeps(before: float, after: float, largest: float, limit: float, d: int) -> bool:
+    uncertain = ROUNDING * (largest if d == 2 else np.sqrt(largest))
+    within = largest * (1.0 + (1.5 * d * GAIN + uncertain)) <= limit
+    return uncertain < 0.5 and within and after < before * (1.0 - SUM_GAIN)
+
+
+@inlined
+def _set_powers(lines: np.ndarray, n: int, d: int, at: float) -> None:
+    """v^(-2/d) of all corners at λ, into their row; see ``mean.inverse_power``."""
+    if d == 2:
+        for c in range(n):
+            lines[POWER, c] = 1.0 / v_at(lines, c, at)
+        return
+    bits = lines.view(np.int64)
+    for c in range(n):
+        lines[POWER, c] = v_at(lines, c, at)
+    for c in range(n):
+        bits[POWER, c] = CUBE_ROOT - bits[POWER, c] // 3
+    for c in range(n):
+        v, y = v_at(lines, c, at), lines[POWER, c]
+        for _ in range(3):
+            t = 1.0 - v * y * y * y
+            y = y + y * t * (1.0 / 3.0 + 2.0 / 9.0 * t)
+        lines[POWER, c] = y * y
+
+
+@inlined
+def _sum_of_inverses(lines: np.ndarray, n: int, d: int) -> float:
+    """The sum of 1/Q at λ = 0."""
+    _set_powers(lines, n, d, 0.0)
+    total = lines[S0, 0] * lines[POWER, 0]
+    for c in range(1, n):
+        total = total + lines[S0, c] * lines[POWER, c]
+    return total
+
+
+@inlined
+def _bottom(lines: np.ndarray, n: int, d: int) -> float:
+    low, high = -np.inf, np.inf
+    for c in range(n):
+        barrier = -lines[V0, c] / lines[V1, c]
+        if lines[V1, c] > 0 and barrier > low:
+            low = barrier
+        if lines[V1, c] < 0 and barrier < high:
+            high = barrier
+    at = 0.0
+    for _ in range(MAX_STEPS):
+        slope, curvature = _derivatives(lines, n, d, at)
+        if slope == 0.0:
+            break
+        if slope < 0.0:
+            low = at
+        else:
+            high = at
+        before, newton = at, at - slope / curvature
+        at = newton if low < newton < high else 0.5 * (low + high)
+        if not abs(at - before) > CLOSE * abs(at):
+            break
+    return at
+
+
+@inlined
+def _derivatives(lines: np.ndarray, n: int, d: int, at: float) -> tuple[float, float]:
+    q = 2.0 / d
+    _set_powers(lines, n, d, at)
+    slope = curvature = 0.0
+    for c in range(n):
+        s, u, s2 = s_at(lines, c, at), lines[POWER, c], lines[S2, c]
+        r = lines[V1, c] / v_at(lines, c, at)
+        ds = 2.0 * (lines[S1, c] + s2 * at)
+        first = u * (ds - q * s * r)
+        second = u * (2.0 * s2 - 2.0 * q * ds * r + q * (q + 1.0) * s * r * r)
+        slope, curvature = slope + first, curvature + second
+    return slope, curvature
+
+
+@inlined
+def _clipped(lines: np.ndarray, n: int, d: int, at: float, limit: float) -> float:
+    aim = limit * (1.0 - INSIDE)
+    rate = aim if d == 2 else np.sqrt(aim)
+    for _ in range(MAX_CLIPS):
+        worst = worst_corner(lines, n, at, d)
+        if not lines[BADNESS, worst] > limit * (1.0 - 0.1 * INSIDE):
+            break
+        v, t, dt = root(lines, worst, at, d)
+        after = at - (t - rate * v) / (dt - rate * lines[V1, worst])
+        at = after if after * at > 0.0 and abs(after) < abs(at) else 0.0
+    return at

@@ -1,0 +1,37 @@
+"""The corners of a problem compiled, corner by corner."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.jit import compiled
+
+
+@compiled
+def along_curve(
+    vertices: np.ndarray, shapes: np.ndarray, moves: np.ndarray, number: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and shapes of the corners with a vertex that moves; see ``problem._along_curve``."""
+    n, width = vertices.shape
+    smallest = np.full(n, -1, dtype=np.int32)
+    place = np.zeros(len(number) + 1, dtype=np.int64)
+    for c in range(n):
+        least, touched = number[vertices[c, 0]], False
+        for k in range(width):
+            least = min(least, number[vertices[c, k]])
+            touched = touched or moves[vertices[c, k]]
+        if touched:
+            smallest[c] = least
+            place[least + 1] += 1
+    for i in range(len(number)):
+        place[i + 1] += place[i]
+    new_vertices = np.empty((place[-1], width), dtype=np.int32)
+    new_shapes = np.empty((place[-1], width), dtype=np.uint8)
+    for c in range(n):
+        if smallest[c] >= 0:
+            to = place[smallest[c]]
+            place[smallest[c]] += 1
+            for k in range(width):
+                new_vertices[to, k] = number[vertices[c, k]]
+                new_shapes[to, k] = shapes[c, k]
+    return new_vertices, new_shapes

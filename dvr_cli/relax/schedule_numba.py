@@ -1,0 +1,57 @@
+"""The schedule compiled, vertex by vertex."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.jit import compiled
+
+
+@compiled
+def levels(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence: np.ndarray) -> np.ndarray:
+    """(m,) number of each vertex's level: one more than the highest of its neighbours earlier in sequence."""
+    level = np.full(len(sequence), -1)
+    for vertex in sequence:
+        highest = -1
+        for entry in range(start[vertex], start[vertex + 1]):
+            for neighbour in members[corner[entry]]:
+                if neighbour >= 0:
+                    highest = max(highest, level[neighbour])
+        level[vertex] = highest + 1
+    return level
+
+
+@compiled
+def colours(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence: np.ndarray) -> np.ndarray:
+    """(m,) first colour that no neighbour earlier in sequence has."""
+    m = len(sequence)
+    colour = np.full(m, -1, dtype=np.int32)
+    bit = np.zeros(m + 1, dtype=np.uint64)  # of the colours below 64; the number -1 looks up the last entry
+    for vertex in sequence:
+        taken = np.uint64(0)
+        for entry in range(start[vertex], start[vertex + 1]):
+            for k in range(members.shape[1]):
+                taken |= bit[members[corner[entry], k]]
+        free = 0
+        while free < 64 and taken >> np.uint64(free) & np.uint64(1):
+            free += 1
+        if free < 64:
+            bit[vertex] = np.uint64(1) << np.uint64(free)
+        else:
+            free = _first_free(start[vertex], start[vertex + 1], corner, members, colour)
+        colour[vertex] = free
+    return colour
+
+
+@compiled
+def _first_free(first: int, last: int, corner: np.ndarray, members: np.ndarray, colour: np.ndarray) -> int:
+    """The first colour that none of the vertices of the corners of these entries has."""
+    taken = np.zeros((last - first) * members.shape[1] + 1, dtype=np.bool_)
+    for entry in range(first, last):
+        for neighbour in members[corner[entry]]:
+            if neighbour >= 0 and 0 <= colour[neighbour] < len(taken):
+                taken[colour[neighbour]] = True
+    free = 0
+    while taken[free]:
+        free += 1
+    return free

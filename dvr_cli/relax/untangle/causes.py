@@ -1,0 +1,51 @@
+"""Why elements stay inverted after untangling, as far as the held vertices tell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.boundary.freedom import Freedom
+from dvr_cli.boundary.self_intersection import crossing_facets
+from dvr_cli.mesh.domain import Domain
+from dvr_cli.mesh.facets import FACETS
+from dvr_cli.quality.mean_ratio import DEGENERATE, element_qualities
+from dvr_cli.relax.untangle.phase import hopeless, widened
+
+_NEAR = 2  # rings of vertices around a crossing within which it is to blame
+
+
+def left_over(points: np.ndarray, domain: Domain, freedom: Freedom) -> dict[str, int]:
+    """How many elements are inverted or degenerate with coordinates ``points`` (N, d), and why.
+
+    elements: how many; hopeless: of these, with a corner whose vertices are all held; crossing: of the rest,
+    near held facets that cross each other.
+    """
+    corners = domain.corners
+    tangled = ~(element_qualities(points, corners) > DEGENERATE)
+    if not tangled.any():
+        return {"elements": 0, "hopeless": 0, "crossing": 0}
+    known = hopeless(points, corners, freedom)
+    rest = tangled & ~known
+    crossing = np.zeros(len(points), dtype=bool)
+    if rest.any():
+        facets = _held_facets(domain, freedom)
+        crossing[facets[crossing_facets(points, facets)]] = True
+    near = widened(corners, crossing, _NEAR)[corners.vertices].any(axis=1)
+    blamed = rest & np.logical_or.reduceat(near, corners.first[:-1])
+    return {
+        "elements": int(tangled.sum()),
+        "hopeless": int((tangled & known).sum()),
+        "crossing": int(blamed.sum()),
+    }
+
+
+def _held_facets(domain: Domain, freedom: Freedom) -> np.ndarray:
+    """(F, d) the facets all of whose vertices are held, once each, those with four cut in two."""
+    d, parts = domain.dimension, []
+    for block in domain.cells:
+        for facet in FACETS[block.type]:
+            for k in range(len(facet) - d + 1):
+                parts.append(block.vertices[:, [facet[0], *facet[k + 1 : k + d]]])
+    facets = np.concatenate(parts)
+    facets = facets[(freedom.dimension == 0)[facets].all(axis=1)]
+    return np.unique(np.sort(facets, axis=1), axis=0)

@@ -1,0 +1,138 @@
+"""The regularised mean-ratio energy of a mesh, finite for inverted elements too, and its gradient.
+
+Garanzha, Kaporin, Kudryavtseva, Protais, Ray & Sokolov, Foldover-free maps in 50 lines of code (ACM TOG
+2021), with their shape term alone. With s and v of a corner as in ``quality.mean_ratio``, 1/Q = s / v^(2/d),
+
+    f = Σ s / χ(v, ε)^(2/d),    χ(v, ε) = (v + sqrt(ε² + v²)) / 2
+
+over the corners, where χ is v for v ≫ ε, and positive and next to nothing for v ≪ -ε: the smaller ε, the
+higher the price of an inverted corner. Each corner's v is measured in units of a volume of the elements
+around it, so that ε means the same in coarse and fine parts of a mesh.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.boundary.freedom import Freedom
+from dvr_cli.mesh.corners import SHAPES, Corners
+from dvr_cli.mesh.simplex import cross, dot, subtract
+
+_CHUNK = 1 << 13  # corners evaluated at a time: what they take stays in the cache
+
+
+class Energy:
+    """The energy as a function of the displacements of some vertices, all others held.
+
+    Displacements are a flat array (m·d,), in units of the size of the elements around each vertex.
+    """
+
+    def __init__(self, points: np.ndarray, corners: Corners, freedom: Freedom) -> None:
+        """points: (N, d), the origin of the displacements; freedom: which vertices move, and how."""
+        self.dimension = d = points.shape[1]
+        self._freedom = freedom
+        self._moving = freedom.relaxed
+        marked = freedom.dimension > 0
+        touched = np.flatnonzero(marked[corners.vertices].any(axis=1))
+        vertices, self._corner = np.unique(corners.vertices[touched], return_inverse=True)
+        self._corner = np.ascontiguousarray(self._corner.reshape(-1, d + 1).T)
+        self._norm = np.ascontiguousarray(SHAPES[d].norm[corners.shapes[touched, 0]].T)
+        self._start = np.ascontiguousarray(points[vertices].T)
+        self._here = np.searchsorted(vertices, self._moving)
+        size, self._unit = self._sizes()
+        self._size = size[self._here]
+        number = np.full(len(vertices), len(self._moving))
+        number[self._here] = np.arange(len(self._moving))
+        self._target = number[self._corner].ravel()  # held vertices share one number past the last
+
+    def points_after(self, displacements: np.ndarray) -> np.ndarray:
+        """(m, d) the moving vertices, in index order, after ``displacements``."""
+        return self._at(displacements)[:, self._here].T
+
+    def least(self, displacements: np.ndarray) -> float:
+        """The smallest v of a corner, in its unit."""
+        x = self._at(displacements)
+        edges = _edges(x, self._corner)
+        return float((dot(edges[0], _normals(edges)[0]) / self._unit).min())
+
+    def regularised(self, displacements: np.ndarray, epsilon: float) -> tuple[float, np.ndarray]:
+        """The energy with this ε and its gradient (m·d,), along which each vertex is free to move."""
+        d, n = self.dimension, self._corner.shape[1]
+        x = self._at(displacements)
+        energy = 0.0
+        pull = np.empty((d, d + 1, n))
+        for low in range(0, n, _CHUNK):
+            chunk = slice(low, low + _CHUNK)
+            unit = self._unit[chunk]
+            edges = _edges(x, self._corner[:, chunk])
+            normals = _normals(edges)
+            weighted = _weighted(edges, self._norm[:, chunk])
+            s = dot(edges[0], weighted[0])
+            for j in range(1, d):
+                s = s + dot(edges[j], weighted[j])
+            v = dot(edges[0], normals[0]) / unit
+            root = np.sqrt(epsilon * epsilon + v * v)
+            # (v + root) / 2 without the cancellation of negative v
+            chi = np.where(v > 0, v + root, epsilon * epsilon / (root + np.abs(v))) / 2
+            power = chi * unit if d == 2 else np.square(np.cbrt(chi * unit))
+            energies = s / power
+            energy += float(energies.sum())
+            along, across = 2 / power, (2 / d) * energies / (root * unit)
+            for i in range(d):
+                total = np.zeros(len(unit))
+                for j in range(d):
+                    force = along * weighted[j][i] - across * normals[j][i]
+                    pull[i, j + 1, chunk] = force
+                    total -= force
+                pull[i, 0, chunk] = total
+        m = len(self._moving)
+        sums = [np.bincount(self._target, row.ravel(), minlength=m + 1)[:m] for row in pull]
+        gradient = np.stack(sums, axis=1) * self._size[:, None]
+        if self._freedom.axis.any():
+            gradient = self._freedom.restrict(gradient, self._moving)
+        return energy, gradient.ravel()
+
+    def _at(self, displacements: np.ndarray) -> np.ndarray:
+        """(d, n) the coordinates after ``displacements``."""
+        x = self._start.copy()
+        x[:, self._here] += (displacements.reshape(-1, self.dimension) * self._size[:, None]).T
+        return x
+
+    def _sizes(self) -> tuple[np.ndarray, np.ndarray]:
+        """The size of the elements around each vertex (n,), and the unit of volume of each corner (C,)."""
+        edges = _edges(self._start, self._corner)
+        weighted = _weighted(edges, self._norm)
+        length = np.sqrt(sum(dot(e, w) for e, w in zip(edges, weighted, strict=True)))
+        count = np.bincount(self._corner.ravel())
+        size = np.bincount(self._corner.ravel(), np.tile(length, self.dimension + 1)) / count
+        size = np.maximum(size, 1e-6 * size.max() or 1.0)  # all elements around a vertex may be points
+        return size, size[self._corner].mean(axis=0) ** self.dimension
+
+
+def _edges(x: np.ndarray, corner: np.ndarray) -> list[list[np.ndarray]]:
+    own, *ends = ([component[vertex] for component in x] for vertex in corner)
+    return [subtract(end, own) for end in ends]
+
+
+def _normals(edges: list[list[np.ndarray]]) -> list[list[np.ndarray]]:
+    """The derivatives of v = det E by each edge."""
+    if len(edges) == 2:
+        a, b = edges
+        return [[b[1], -b[0]], [-a[1], a[0]]]
+    a, b, c = edges
+    return [cross(b, c), cross(c, a), cross(a, b)]
+
+
+def _weighted(edges: list[list[np.ndarray]], norm: np.ndarray) -> list[list[np.ndarray]]:
+    """Σ_k M_jk e_k for each edge j: half the derivatives of s; ``norm`` as in ``ShapeTable``."""
+    d = len(edges)
+    result = [[norm[j] * component for component in edge] for j, edge in enumerate(edges)]
+    pair = d
+    for j in range(d):
+        for k in range(j + 1, d):
+            half = norm[pair] / 2
+            for i in range(d):
+                result[j][i] = result[j][i] + half * edges[k][i]
+                result[k][i] = result[k][i] + half * edges[j][i]
+            pair += 1
+    return result

@@ -1,0 +1,193 @@
+"""Untangling: a stage before relaxation that makes inverted elements positive where the held vertices allow.
+
+The energy of ``relax.energy`` is minimised in rounds of L-BFGS, with an ε that shrinks with the worst corner,
+over the vertices around the inverted elements. A round that does not help enough frees more rings of vertices
+for the next. Once all is positive, rounds with next to no ε, each over more vertices, even out what the first
+ones squeezed together, as long as it pays. The result never has more inverted elements than the input.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvr_cli.boundary.freedom import Freedom
+from dvr_cli.mesh.corners import Corners
+from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities, element_qualities
+from dvr_cli.relax.untangle.energy import Energy
+from dvr_cli.relax.untangle.lbfgs import minimise
+
+_EVALUATIONS = 400  # of the energy in a round
+_PROGRESS = 1e-4  # part of the energy gained in ten steps below which a round ends
+_ROUNDS = 20
+_PATIENCE = 8  # rounds without fewer inverted elements than ever before after which to give up
+_SHRINK = 0.2  # ε in terms of the worst corner; halved with each round in a row that does not help
+_LEAST_EPSILON = 1e-6
+_RINGS = 2  # of vertices around inverted elements that are free in the first round
+_PAYS = 0.9  # part of the excess energy that a round of evening out has to stay below
+_EVEN = 1e-3  # mean of 1/Q - 1 below which there is nothing to even out
+
+
+@dataclass(frozen=True)
+class Round:
+    """What one round did: free vertices, elements inverted or degenerate after it, seconds it took."""
+
+    free: int
+    tangled: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Untangling:
+    """The result of untangling: coordinates (N, d), the rounds done, why they ended.
+
+    stopped_because: "untangled", "stuck", "interrupted", or "nothing-to-untangle".
+    """
+
+    points: np.ndarray
+    rounds: list[Round]
+    stopped_because: str
+
+
+def untangle(
+    points: np.ndarray,
+    corners: Corners,
+    freedom: Freedom,
+    interrupted: Callable[[], bool] = lambda: False,
+    on_round: Callable[[Round], None] | None = None,
+) -> Untangling:
+    """Move vertices so that inverted and degenerate elements become positive.
+
+    points: (N, d); freedom: which vertices may move, and along what. interrupted: asked after each step of
+    the minimisation; when true, the best coordinates reached are the result. on_round: called after each
+    round. Vertices far from all inverted elements keep their coordinates, and none leaves the bounding box of
+    the points by more than its diagonal. Elements that no movement can make positive (``hopeless``) are left
+    alone.
+    """
+    run = _Run(points, corners, freedom, interrupted, on_round)
+    if not run.tangled.any():
+        return Untangling(points, [], "nothing-to-untangle")
+    moved = np.zeros(len(points), dtype=bool)
+    rings, idle, fewest, best = _RINGS, 0, run.tangled.sum(), 0
+    while run.tangled.any():
+        if run.ended or len(run.rounds) in (best + _PATIENCE, _ROUNDS):
+            return run.result("stuck")
+        region = widened(corners, vertices_of(run.tangled, corners, len(points)), rings)
+        moved |= region
+        before = run.tangled.sum()
+        run.minimise(region, _SHRINK / 2**idle)
+        after = run.tangled.sum()
+        rings *= 2 if after > before / 2 else 1
+        idle = 0 if after < before else idle + 1
+        if after < fewest:
+            fewest, best = after, len(run.rounds)
+    core, rings = moved[corners.vertices].any(axis=1), _RINGS
+    excess, before = run.excess(core), np.inf
+    while not run.ended and excess > _EVEN and excess < _PAYS * before:
+        rings *= 2
+        moved = widened(corners, moved, rings)
+        run.minimise(moved, 0.0)
+        excess, before = run.excess(core), excess
+    return run.result("untangled")
+
+
+def hopeless(points: np.ndarray, corners: Corners, freedom: Freedom) -> np.ndarray:
+    """(n_cells,) bool: elements with a corner that is not positive and whose vertices are all held."""
+    held = (freedom.dimension == 0)[corners.vertices].all(axis=1)
+    flat = np.zeros(len(held), dtype=bool)
+    some = Corners(corners.vertices[held], corners.shapes[held], corners.first[:1])
+    flat[held] = corner_qualities(points, some) <= DEGENERATE
+    return np.logical_or.reduceat(flat, corners.first[:-1])
+
+
+class _Run:
+    """The state of untangling, and the best coordinates met so far.
+
+    Coordinates are taken relative to the bounding box, so that no unit of length is too small or too large.
+    tangled: (n_cells,) bool, the elements to be made positive. ended: whether to leave it at that.
+    """
+
+    def __init__(
+        self,
+        points: np.ndarray,
+        corners: Corners,
+        freedom: Freedom,
+        interrupted: Callable[[], bool],
+        on_round: Callable[[Round], None] | None,
+    ) -> None:
+        self.rounds: list[Round] = []
+        self._corners, self._freedom = corners, freedom
+        self._interrupted, self._on_round = interrupted, on_round
+        self._low, self._high = points.min(axis=0), points.max(axis=0)
+        self._diagonal = float(np.linalg.norm(self._high - self._low)) or 1.0
+        self._points, self._best = points, points
+        self._scaled = self._start = (points - self._low) / self._diagonal
+        self._hopeless = hopeless(points, corners, freedom)
+        self.tangled, self._key = self._judged(points)
+        self.ended = interrupted()
+
+    def minimise(self, region: np.ndarray, shrink: float) -> None:
+        """One round over the vertices marked in ``region`` ((N,) bool).
+
+        shrink: ε as a part of how negative the worst corner is.
+        """
+        begin = time.perf_counter()
+        freedom = self._freedom.only(region)
+        energy = Energy(self._scaled, self._corners, freedom)
+        displacements = np.zeros(len(freedom.relaxed) * self._corners.dimension)
+        epsilon = float(np.hypot(_LEAST_EPSILON, shrink * min(energy.least(displacements), 0.0)))
+        displacements = minimise(
+            lambda x: energy.regularised(x, epsilon),
+            displacements,
+            _EVALUATIONS,
+            _PROGRESS,
+            self._interrupted,
+        )
+        self._scaled = self._scaled.copy()
+        self._scaled[freedom.relaxed] = energy.points_after(displacements)
+        # a vertex that did not move keeps its very digits
+        points = self._points + (self._scaled - self._start) * self._diagonal
+        self.tangled, key = self._judged(points)
+        inside = (points >= self._low - self._diagonal) & (points <= self._high + self._diagonal)
+        self.ended = self._interrupted() or not inside.all()
+        if inside.all() and (key < self._key or key == (0, 0)):
+            self._best, self._key = points, key
+        self.rounds.append(Round(len(freedom.relaxed), sum(key), time.perf_counter() - begin))
+        if self._on_round is not None:
+            self._on_round(self.rounds[-1])
+
+    def excess(self, chosen: np.ndarray) -> float:
+        """Mean of 1/Q - 1 over the corners marked in ``chosen``, all of them positive."""
+        some = Corners(self._corners.vertices[chosen], self._corners.shapes[chosen], self._corners.first[:1])
+        return float((1 / corner_qualities(self._scaled, some)).mean()) - 1
+
+    def result(self, reason: str) -> Untangling:
+        """The best coordinates met, and why there was no further round."""
+        return Untangling(self._best, self.rounds, "interrupted" if self._interrupted() else reason)
+
+    def _judged(self, points: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
+        """Which elements are to be made positive, and how many of all are inverted and degenerate."""
+        quality = element_qualities(points, self._corners)
+        inverted, tangled = quality < -DEGENERATE, ~(quality > DEGENERATE)
+        return tangled & ~self._hopeless, (int(inverted.sum()), int((tangled & ~inverted).sum()))
+
+
+def vertices_of(chosen: np.ndarray, corners: Corners, n_points: int) -> np.ndarray:
+    """(N,) bool: the vertices of the elements marked in ``chosen`` ((n_cells,) bool)."""
+    marked = np.zeros(n_points, dtype=bool)
+    marked[corners.vertices[np.repeat(chosen, np.diff(corners.first))]] = True
+    return marked
+
+
+def widened(corners: Corners, marked: np.ndarray, rings: int) -> np.ndarray:
+    """The vertices ``marked`` ((N,) bool) and so many rings of neighbours around them."""
+    marked = marked.copy()
+    for _ in range(rings):
+        reached = corners.vertices[marked[corners.vertices].any(axis=1)]
+        if marked[reached].all():
+            break
+        marked[reached] = True
+    return marked

@@ -1,0 +1,324 @@
+"""The compiled engine gives the same bytes as the NumPy engine, on any number of threads."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import dvr_cli
+from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.errors import UsageError
+from dvr_cli.files.reading import open_mesh
+from dvr_cli.mesh.domain import domain_of
+from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.relax.directions import direction_field
+from dvr_cli.relax.engines import choice
+from dvr_cli.relax.engines.numpy_engine import NumpyEngine
+from dvr_cli.relax.problem import build_problem
+from dvr_cli.relax.schedule import ORDERS
+from dvr_cli.relax.steepest import OPTIMAL, STEEPEST
+from dvr_cli.relax.stopping import Stopping
+from dvr_cli.relax.sweeps import relax
+from meshes import KINDS, delaunay, hexagon, random_freedom, random_mesh
+from needs import require
+
+require("numba")
+
+from dvr_cli.relax.engines import numba_engine  # noqa: E402
+from dvr_cli.relax.engines.numba_engine import NumbaEngine  # noqa: E402
+
+SAMPLES = sorted(
+    path
+    for path in (Path(__file__).parents[3] / "sample_meshes").iterdir()
+    if path.suffix in (".msh", ".vtk", ".vtu", ".obj")
+)
+DIRECTIONS = ("random", "axis", "circumferential", "radial", "random,x,radial", "steepest,random", "optimal")
+
+
+@pytest.fixture(autouse=True)
+def threads_however_small_the_mesh(monkeypatch):
+    monkeypatch.setattr(numba_engine, "_LEAST", 1)
+
+
+def result(mesh, engine, sweeps=4, threads=1, straighten=False, **options):
+    """Coordinates, and Q1 and moved vertices of each sweep."""
+    stopping = Stopping(max_iterations=sweeps, tol=0.0)
+    options = SmoothOptions(
+        engine=engine, threads=threads, straighten=straighten, stopping=stopping, **options
+    )
+    points, report = smooth_mesh(mesh, options)
+    assert (report.engine, report.threads) == (engine, threads if engine == "numba" else 1)
+    return points.tobytes(), [(sweep["q1"], sweep["moved"]) for sweep in report.sweeps]
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_same_bytes_for_every_element_type_and_order(kind, order):
+    mesh = random_mesh(kind, 1)
+    assert result(mesh, "numba", order=order) == result(mesh, "numpy", order=order)
+
+
+@pytest.mark.parametrize("directions", DIRECTIONS)
+@pytest.mark.parametrize("kind", ["triangle", "tetra", "mixed3d"])
+def test_same_bytes_for_every_kind_of_direction(kind, directions):
+    mesh = random_mesh(kind, 2)
+    assert result(mesh, "numba", directions=directions) == result(mesh, "numpy", directions=directions)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3, 7])
+@pytest.mark.parametrize("kind", KINDS)
+def test_same_bytes_on_any_number_of_threads(kind, threads):
+    mesh = random_mesh(kind, 3, n=4)
+    assert result(mesh, "numba", threads=threads) == result(mesh, "numpy")
+
+
+@pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.name)
+def test_same_bytes_on_the_sample_meshes(path):
+    mesh = open_mesh(path).mesh
+    assert result(mesh, "numba", threads=2, sweeps=10) == result(mesh, "numpy", sweeps=10)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(KINDS), st.integers(0, 10**6), st.floats(0, 0.6), st.integers(-30, 30))
+def test_same_bytes_whatever_the_mesh(kind, seed, noise, scale):
+    """Tangled meshes and extreme scales included."""
+    mesh = random_mesh(kind, seed, noise=noise)
+    scaled = Mesh(mesh.points * 2.0**scale, mesh.cells)
+    assert result(scaled, "numba", seed=seed) == result(scaled, "numpy", seed=seed)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from(KINDS),
+    st.integers(0, 10**6),
+    st.floats(0, 0.9),
+    st.integers(-30, 30),
+    st.booleans(),
+    st.sampled_from([1, 3]),
+)
+def test_same_bytes_where_directions_follow_the_ring(kind, seed, noise, scale, whole, threads):
+    """Steepest ascent, the optimum and polishing, with and without restricted freedom."""
+    mesh = random_mesh(kind, seed, n=2, noise=noise)
+    mesh = Mesh(mesh.points * 2.0**scale, mesh.cells)
+    domain = domain_of(mesh)
+    freedom = None if whole else random_freedom(domain, seed)
+    relaxed = np.flatnonzero(domain.interior)
+    problem = build_problem(domain.corners, relaxed, domain.points, freedom=freedom)
+    directions = np.random.default_rng(seed).normal(size=(len(relaxed), domain.dimension))
+    reached = []
+    for engine in (NumpyEngine(problem), NumbaEngine(problem, threads)):
+        engine.load(domain.points)
+        moved = [engine.move_batch(b, how) for how in (STEEPEST, OPTIMAL) for b in range(engine.batches)]
+        q1 = engine.q1()
+        limit = 1.01 * q1 ** (-1 if domain.dimension == 2 else -3) if q1 > 0 else np.inf
+        for batch in range(engine.batches):
+            moved.append(engine.polish_batch(batch, engine.mean_ascent(batch), limit))
+            moved.append(engine.polish_batch(batch, directions, limit))
+        reached.append((engine.points.tobytes(), moved))
+    assert reached[0] == reached[1]
+
+
+@pytest.mark.parametrize("kind", ["triangle", "tetra"])
+def test_same_bytes_and_report_of_all_phases(kind):
+    mesh = random_mesh(kind, 4, n=4)
+    options = {"directions": "steepest,random", "polish": True, "sweeps": 6}
+    assert result(mesh, "numba", threads=2, **options) == result(mesh, "numpy", **options)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6), st.sampled_from([2, 3]), st.floats(0.0, 3.0))
+def test_same_bytes_for_tangled_meshes(seed, dimension, mess):
+    mesh = delaunay(60, dimension, seed)
+    domain = domain_of(mesh)
+    rng = np.random.default_rng(seed)
+    points = mesh.points.copy()
+    points[domain.interior] += 0.1 * mess * rng.normal(size=(int(domain.interior.sum()), dimension))
+    tangled = Mesh(points, mesh.cells)
+    for directions in ("random", "steepest"):
+        one, other = (result(tangled, engine, directions=directions) for engine in ("numba", "numpy"))
+        assert one == other
+
+
+def test_same_bytes_for_flat_and_degenerate_elements():
+    """Every vertex on few lattice points: ties, zero volumes and corners at their barrier everywhere."""
+    for seed in range(30):
+        mesh = hexagon(4) if seed % 2 else random_mesh("tetra", seed, n=4)
+        coarse = Mesh(np.round(mesh.points * 7) / 7, mesh.cells)
+        assert result(coarse, "numba", directions="random,axis") == result(
+            coarse, "numpy", directions="random,axis"
+        )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_compiled_set_up_gives_the_same_domain_and_problem(kind):
+    mesh = random_mesh(kind, 5)
+    plain, compiled = domain_of(mesh), domain_of(mesh, compiled=True)
+    assert compiled.interior.tobytes() == plain.interior.tobytes()
+    assert compiled.corners.vertices.tobytes() == plain.corners.vertices.tobytes()
+    relaxed = np.flatnonzero(plain.interior)
+    for order in ORDERS:
+        one = build_problem(plain.corners, relaxed, plain.points, order)
+        other = build_problem(plain.corners, relaxed, plain.points, order, compiled=True)
+        for name in ("vertices", "start", "others", "shapes"):
+            np.testing.assert_array_equal(getattr(one.rings, name), getattr(other.rings, name))
+        np.testing.assert_array_equal(one.batch_start, other.batch_start)
+
+
+def test_mirrored_cells_are_found_by_the_compiled_set_up_too():
+    mesh = random_mesh("tetra", 3)
+    cells = mesh.cells[0].vertices.copy()
+    cells[::2] = cells[::2][:, [0, 2, 1, 3]]
+    mixed = Mesh(mesh.points, [type(mesh.cells[0])("tetra", cells)])
+    assert domain_of(mixed, compiled=True).mirrored == domain_of(mixed).mirrored == len(cells[::2])
+
+
+def test_interrupted_between_batches():
+    """The mesh reached is that of the NumPy engine stopped after as many batches."""
+    mesh = random_mesh("tetra", 8, n=4)
+    domain = domain_of(mesh)
+    problem = build_problem(domain.corners, np.flatnonzero(domain.interior), domain.points)
+    field = direction_field(["random"], domain, {})
+    for stop_after in range(1, 12):
+        reached = []
+        for engine in (NumpyEngine(problem), NumbaEngine(problem, 2)):
+            answers = iter([False] * (stop_after - 1) + [True])
+            outcome = relax(engine, domain.points, field, Stopping(), interrupted=answers.__next__)
+            assert outcome.stopped_because == "interrupted"
+            reached.append(outcome.points.tobytes())
+        assert reached[0] == reached[1]
+
+
+PROGRAM = """
+import numpy as np, sys
+sys.path.insert(0, {tests!r})
+from meshes import random_mesh
+import dvr_cli
+from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.relax.stopping import Stopping
+with np.errstate(all="ignore"):
+    for kind in {kinds!r}:
+        points, report = smooth_mesh(
+            random_mesh(kind, 1),
+            SmoothOptions(
+                directions="steepest,random",
+                polish=True,
+                engine="numba",
+                threads=2,
+                stopping=Stopping(3, 0.0),
+            ),
+        )
+        assert report.engine == "numba"
+        print(points.tobytes().hex())
+"""
+
+
+def in_a_process(kinds, **environment):
+    """The coordinates that another process, with these variables set, gets for some meshes."""
+    program = PROGRAM.format(tests=str(Path(__file__).parents[2]), kinds=kinds)
+    run = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", program],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    assert run.returncode == 0, run.stderr
+    return run.stdout.split()
+
+
+def test_the_kernel_is_plain_python():
+    """With the compiler switched off the same code gives the same bytes."""
+    kinds = ["triangle", "quad", "tetra", "mixed3d"]
+    options = {"sweeps": 3, "directions": "steepest,random", "polish": True}
+    expected = [result(random_mesh(kind, 1), "numpy", **options)[0].hex() for kind in kinds]
+    assert in_a_process(kinds, NUMBA_DISABLE_JIT="1") == expected
+
+
+def test_no_place_for_a_cache_does_no_harm(tmp_path, monkeypatch):
+    """Neither beside the package nor in a home: what cannot be cached is compiled anew."""
+    from numba.core import caching
+
+    monkeypatch.setattr(caching._CacheLocator, "from_function", classmethod(lambda *_: None), raising=False)
+    for locator in caching.CacheImpl._locator_classes:
+        monkeypatch.setattr(locator, "from_function", classmethod(lambda *_: None))
+    from dvr_cli.jit import compiled
+
+    @compiled
+    def twice(x: float) -> float:
+        return x + x
+
+    assert twice(3.0) == 6.0
+
+
+def test_a_change_in_another_file_than_the_function_s_own_is_noticed(tmp_path):
+    """numba looks at that file alone, though what it keeps has functions of other files in it."""
+    package = Path(dvr_cli.__file__).parent
+    shutil.copytree(package, tmp_path / "dvr_cli", ignore=shutil.ignore_patterns("__pycache__"))
+    program = """
+import numpy as np
+from dvr_cli.quality.mean_ratio_numba import corner_terms
+points, v, s = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.empty(1), np.empty(1)
+corner, shape = np.array([[0, 1, 2]], dtype=np.int32), np.zeros((1, 3), dtype=np.uint8)
+corner_terms(points, corner, shape, np.ones((1, 3)), v, s)
+print(v[0], corner_terms.stats.cache_hits[corner_terms.signatures[0]])
+"""
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def answer():
+        command = [sys.executable, "-c", program]
+        run = subprocess.run(
+            command, env=environment, capture_output=True, text=True, check=True, cwd=tmp_path
+        )
+        return run.stdout.split()
+
+    assert answer()[0] == "1.0"
+    assert answer() == ["1.0", "1"]  # from the cache
+    called = tmp_path / "dvr_cli" / "mesh" / "simplex_numba.py"
+    text = called.read_text()
+    ours = "    return (p[0] - x[0]) * (q[1] - p[1])"
+    assert text.count(ours) == 1
+    called.write_text(text.replace(ours, "    return 2 * (p[0] - x[0]) * (q[1] - p[1])"))
+    assert answer()[0] == "2.0"
+
+
+@pytest.mark.parametrize(
+    ("source", "matters"),
+    [("mesh/csr.py", True), ("relax/patches/solver.py", True), ("jit.py", True), ("cli/app.py", False)],
+)
+def test_results_older_than_any_source_they_may_come_from_are_forgotten(tmp_path, source, matters):
+    """However deep in the package that source lies."""
+    package = tmp_path / "dvr_cli"
+    shutil.copytree(Path(dvr_cli.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    for path in package.rglob("*.py"):
+        os.utime(path, (1e9, 1e9))
+    os.utime(package / source, (1e9 + 2, 1e9 + 2))
+    index = tmp_path / "function.nbi"
+    index.touch()
+    os.utime(index, (1e9 + 1, 1e9 + 1))
+    program = f"from dvr_cli.jit import forget_outdated; forget_outdated({str(tmp_path)!r})"
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", program], env=environment, check=True, cwd=tmp_path)
+    assert index.exists() is not matters
+
+
+def test_auto_takes_numba_where_it_pays(monkeypatch):
+    assert choice.chosen_engine("auto", 100, 100) == "numpy"
+    assert choice.chosen_engine("auto", 10**6, 100) == "numba"
+    assert choice.chosen_engine("auto", 10**6, 0) == "numpy"
+    monkeypatch.setattr(choice, "has_numba", lambda: False)
+    assert choice.chosen_engine("auto", 10**6, 100) == "numpy"
+    with pytest.raises(UsageError, match=r"dvr-cli\[fast\]"):
+        choice.chosen_engine("numba", 10, 10)
+
+
+@pytest.mark.parametrize(("options", "fault"), [({"engine": "gpu"}, "gpu"), ({"threads": 0}, "threads")])
+def test_wrong_options_are_named(options, fault):
+    with pytest.raises(UsageError, match=fault):
+        SmoothOptions(**options)

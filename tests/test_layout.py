@@ -1,0 +1,143 @@
+"""The house's order: a folder imports only from folders below it, and nothing heavy before it is needed."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import dvr_cli
+
+ROOT = Path(dvr_cli.__file__).parent
+MODULES = sorted(path.relative_to(ROOT) for path in ROOT.rglob("*.py"))
+
+# The layers from top to bottom; the first part of a module's path names its layer.
+LAYERS = [
+    "__main__",
+    "cli",
+    "api",
+    "files",
+    "report",
+    "relax",
+    "boundary",
+    "quality",
+    "mesh",
+    "jit",
+    "errors",
+]
+PACKAGE = "dvr_cli"  # the package itself: holds the version, and loads api on first use
+
+
+def name_of(path):
+    """The dotted name of a module, given by its path below the package."""
+    return ".".join([PACKAGE, *path.with_suffix("").parts]).removesuffix(".__init__")
+
+
+def layer_of(name):
+    """The layer of a dotted name; the package itself is one of its own."""
+    parts = name.split(".")
+    return parts[1] if len(parts) > 1 and parts[1] in LAYERS else PACKAGE
+
+
+NAMES = {name_of(path): path for path in MODULES}
+
+
+def statements(node):
+    """All statements below a node but those for type checkers only."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+            continue
+        yield child
+        yield from statements(child)
+
+
+def imports(path, nodes=ast.walk):
+    """The dotted names that a module imports from the package, anywhere among ``nodes``."""
+    found = set()
+    for node in nodes(ast.parse((ROOT / path).read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute"
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return {name for name in found if name.split(".")[0] == PACKAGE}
+
+
+def module_of(name):
+    """The module that a dotted name is, or is in."""
+    return name if name in NAMES else name.rpartition(".")[0]
+
+
+@pytest.mark.parametrize("path", MODULES, ids=str)
+def test_modules_import_only_from_below(path):
+    name = name_of(path)
+    layer = layer_of(name)
+    if layer == PACKAGE:
+        assert name == PACKAGE, f"{name} belongs to no layer"
+        allowed = {PACKAGE, "api"}
+    else:
+        allowed = {PACKAGE, *LAYERS[LAYERS.index(layer) :]}
+    assert {one for one in imports(path) if layer_of(one) not in allowed} == set()
+
+
+def test_no_module_imports_itself_by_way_of_others():
+    """Inside folders, too, and counting what functions import when they are called."""
+    below = {
+        name: {module_of(one) for one in imports(path, statements)} - {PACKAGE, name}
+        for name, path in NAMES.items()
+        if name != PACKAGE
+    }
+    while free := {name for name, others in below.items() if not others & below.keys()}:
+        below = {name: others for name, others in below.items() if name not in free}
+    circle = sorted(below)  # and what imports from one
+    assert circle == []
+
+
+def test_compiled_modules_stand_beside_their_twins():
+    compiled = [path for path in MODULES if path.stem.endswith("_numba")]
+    assert compiled
+    for path in compiled:
+        assert path.with_name(path.name.replace("_numba", "")) in MODULES
+
+
+@pytest.mark.parametrize("path", MODULES, ids=str)
+def test_only_compiled_modules_import_the_compiler_at_once(path):
+    """All others leave that to the functions that have decided to compile."""
+    at_once = {module_of(one) for one in imports(path, ast.iter_child_nodes)}
+    compiles = any(name == "dvr_cli.jit" or name.endswith("_numba") for name in at_once)
+    assert not compiles or path.stem.endswith("_numba") or path.stem == "numba_engine"
+
+
+def test_compiled_modules_import_from_folders_of_compiled_modules():
+    """Results of the compiler are forgotten when a source in one of these changes."""
+    compiled = [path for path in MODULES if path.stem.endswith("_numba")]
+    folders = {path.parts[0] for path in compiled} | {"jit"}
+    assert {layer_of(one) for path in compiled for one in imports(path)} <= folders
+
+
+def loaded_by(statement):
+    """The modules in sys.modules of a fresh interpreter after a statement."""
+    program = f"{statement}\nimport sys\nprint(*sys.modules)"
+    return subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
+    ).stdout.split()
+
+
+@pytest.mark.parametrize(
+    "statement", ["import dvr_cli", "import dvr_cli; dvr_cli.__version__", "import dvr_cli.errors"]
+)
+def test_importing_the_package_costs_nothing(statement):
+    modules = loaded_by(statement)
+    assert "dvr_cli" in modules
+    assert not {"numpy", "meshio", "rich", "trimesh", "typer", "numba", "dvr_cli.api"} & set(modules)
+
+
+def test_the_mathematics_needs_numpy_only():
+    modules = loaded_by("import dvr_cli.mesh.domain, dvr_cli.relax.sweeps, dvr_cli.report.records")
+    assert "numpy" in modules
+    assert not {"meshio", "rich", "trimesh", "typer", "numba"} & set(modules)
+
+
+def test_names_of_the_package_are_loaded_when_first_used():
+    assert {"numpy", "dvr_cli.api"} <= set(loaded_by("import dvr_cli; dvr_cli.smooth"))
