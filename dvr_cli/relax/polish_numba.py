@@ -1,4 +1,4 @@
-"""Raising the mean quality compiled: the same operations in the same order as ``mean``."""
+"""Raising the mean quality compiled: the same operations in the same order as ``polish``."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def _keeps(before: float, after: float, largest: float, limit: float, d: int) ->
 
 @inlined
 def _set_powers(lines: np.ndarray, n: int, d: int, at: float) -> None:
-    """v^(-2/d) of all corners at λ, into their row; see ``mean.inverse_power``."""
+    """v^(-2/d) of all corners at λ, into their row; see ``polish.inverse_power``."""
     if d == 2:
         for c in range(n):
             lines[POWER, c] = 1.0 / v_at(lines, c, at)

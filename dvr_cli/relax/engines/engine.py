@@ -90,7 +90,7 @@ class Engine(ABC):
     def mean_ascent(self, batch: int) -> np.ndarray:
         """(m, d) directions of which those of a batch are along which their rings' sums of 1/Q fall fastest.
 
-        They hold for the coordinates as they are now; see ``mean.mean_ascent``. The others mean nothing.
+        They hold for the coordinates as they are now; see ``polish.mean_ascent``. The others mean nothing.
         """
         return self._inside(batch, self._mean_ascent(batch))
 

@@ -1,4 +1,4 @@
-"""Patches compiled: the same operations in the same order as ``patch_solver``, corner by corner.
+"""Patches compiled: the same operations in the same order as ``solver``, corner by corner.
 
 Each function here is the scalar twin of one there, where the mathematics is explained. Patches of one batch
 share no corner, so they are solved in place, in any order and on any number of threads.
@@ -34,7 +34,7 @@ def solve_patch(
     dimension: np.ndarray,
     axis: np.ndarray,
 ) -> tuple[float, float]:
-    """See ``patch_solver.solve_patch``; corners: the vertices of each, kinds: their rows of ``norm``."""
+    """See ``solver.solve_patch``; corners: the vertices of each, kinds: their rows of ``norm``."""
     d = points.shape[1]
     bad, power, start = np.empty(len(corners)), np.empty(len(corners)), np.empty(len(moving) * d)
     _take(points, moving, start)
@@ -72,7 +72,7 @@ def _minimise(
     bad: np.ndarray,
     power: np.ndarray,
 ) -> None:
-    """See ``patch_solver._minimise``; vectors (n, d) are flat, pairs stand in the rows of two arrays."""
+    """See ``solver._minimise``; vectors (n, d) are flat, pairs stand in the rows of two arrays."""
     d = points.shape[1]
     n = len(moving) * d
     rows = MEMORY + 1  # one more for a pair that is not kept
@@ -134,7 +134,7 @@ def _descent(
     d: int,
     direction: np.ndarray,
 ) -> None:
-    """See ``patch_solver._descent``; pair number i stands in row i modulo the number of rows."""
+    """See ``solver._descent``; pair number i stands in row i modulo the number of rows."""
     rows, oldest = len(steps), max(kept - MEMORY, 0)
     for i in range(len(g)):
         direction[i] = -g[i]
@@ -175,7 +175,7 @@ def _put(points: np.ndarray, moving: np.ndarray, values: np.ndarray) -> None:
 
 @inlined
 def _dot(a: np.ndarray, b: np.ndarray, d: int) -> float:
-    """See ``patch_solver._dot``."""
+    """See ``solver._dot``."""
     t0, t1, t2 = 0.0, 0.0, 0.0
     if d == 2:
         for i in range(0, len(a), 2):
