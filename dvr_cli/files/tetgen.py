@@ -1,6 +1,8 @@
-"""TetGen meshes, and Triangle's in the plane: a pair of text files, .node (vertices) and .ele (elements).
+"""TetGen meshes, and Triangle's in the plane: text files, .node (vertices) and .ele (elements).
 
-Only the .node file holds coordinates, so it alone is written anew; the .ele file goes with it as it is.
+Beside them may be .face and .edge files with boundary markers: what is marked there becomes cells of lower
+dimension. Only the .node file holds coordinates, so it alone is written anew; the others go with it as they
+are. What else these programs write (.neigh, .smesh, .poly, ...) is neither read nor written.
 """
 
 from __future__ import annotations
@@ -26,16 +28,34 @@ _TYPES = {
 }
 
 
+# Files of facets that may be there, and for each kind of element (as above) by how many nodes its facets may
+# be given. Of two that fit, the last is meant: TetGen names midsides where elements have some, Triangle does
+# not. The faces of a planar mesh are its elements.
+_MARKED = {
+    ".face": {(3, 4): (3,), (3, 10): (3, 6)},
+    ".edge": {(2, 3): (2,), (2, 6): (2,), (3, 4): (2,), (3, 10): (2, 3)},
+}
+_FACETS = {
+    (".face", 3): ("triangle", [0, 1, 2]),
+    (".face", 6): ("triangle6", [0, 1, 2, 5, 3, 4]),
+    (".edge", 2): ("line", [0, 1]),
+    (".edge", 3): ("line3", [0, 1, 2]),
+}
+_NEIGHBOURS = {".face": 2, ".edge": 1}  # columns with numbers of elements, which come last if at all
+
+
 class TetgenSource(Source):
-    """A pair of .node and .ele files; ``write`` writes the .node file, the .ele file is a companion."""
+    """Files of one mesh; ``write`` writes the .node file, those of ``beside`` (suffix -> bytes) go along."""
 
     format = "tetgen"
 
-    def __init__(self, node: bytes, ele: bytes, mesh: Mesh, starts: np.ndarray, ends: np.ndarray) -> None:
+    def __init__(
+        self, node: bytes, beside: dict[str, bytes], mesh: Mesh, starts: np.ndarray, ends: np.ndarray
+    ) -> None:
         super().__init__()
         self.mesh = mesh
         self._node = node
-        self._ele = ele
+        self._beside = beside
         self._starts = starts
         self._ends = ends
 
@@ -46,27 +66,32 @@ class TetgenSource(Source):
 
     @property
     def main(self) -> Path | None:
-        """The .node file, whichever of the two was named."""
+        """The .node file, whichever of them was named."""
         return self.target and self.target.with_suffix(".node")
 
     def companions(self, points: np.ndarray) -> dict[Path, bytes]:
-        """The .ele file, as it was."""
-        return {self.target.with_suffix(".ele"): self._ele} if self.target else {}
+        """The other files, as they were."""
+        return {self.target.with_suffix(suffix): data for suffix, data in self._beside.items() if self.target}
 
 
 def read(file: InputFile) -> TetgenSource:
-    """Read a pair of files, either of which is ``file``; see ``read_pair``."""
+    """Read the files of a mesh, of which ``file`` is the .node or the .ele file; see ``read_files``."""
     if file.path is None:
-        raise InputError("a TetGen mesh is two files and cannot be piped")
-    return read_pair(*(file.beside(file.path.with_suffix(suffix).name) for suffix in (".node", ".ele")))
+        raise InputError("a TetGen mesh is several files and cannot be piped")
+    there = [suffix for suffix in _MARKED if file.path.with_suffix(suffix).exists()]
+    node, *others = (file.beside(file.path.with_suffix(suffix).name) for suffix in (".node", ".ele", *there))
+    return read_files(node, dict(zip((".ele", *there), others, strict=True)))
 
 
-def read_pair(node: bytes, ele: bytes) -> TetgenSource:
-    """Read the .node and the .ele file of a mesh.
+def read_files(node: bytes, beside: dict[str, bytes]) -> TetgenSource:
+    """Read the .node file of a mesh and those ``beside`` it, by suffix: .ele, and .face and .edge if any.
 
     Attributes of vertices become the point data "tetgen:attr1", "tetgen:attr2", ..., boundary markers the
     point data "tetgen:ref", and attributes of elements (regions) the cell data "tetgen:ref", "tetgen:ref2",
     ...; whole numbers come as integers. Points have 2 coordinates if the file says so.
+
+    The faces and edges that have a boundary marker other than 0 are cells behind the elements, and
+    "tetgen:ref" is their marker. (Marker 0 says that a facet is none of the boundary or of an interface.)
 
     Raises InputError for what is damaged, or elements other than linear and quadratic simplices.
     """
@@ -83,7 +108,7 @@ def read_pair(node: bytes, ele: bytes) -> TetgenSource:
     point_data = {f"tetgen:attr{i + 1}": _integers_if_whole(extra[:, i]) for i in range(n_attributes)}
     point_data |= _references(extra[:, n_attributes:])
 
-    elements = _Table(ele, ".ele", "elements, nodes of each, attributes", 2)
+    elements = _Table(beside[".ele"], ".ele", "elements, nodes of each, attributes", 2)
     n_nodes, n_attributes = [*elements.header[1:], 0][:2]
     if (dimension, n_nodes) not in _TYPES:
         raise InputError(
@@ -92,16 +117,64 @@ def read_pair(node: bytes, ele: bytes) -> TetgenSource:
     values = elements.read(1 + n_nodes + n_attributes)
     cell_type, order = _TYPES[dimension, n_nodes]
     cells = values[:, 1 : 1 + n_nodes][:, order]
-    corner = cells - index[0]
-    wrong = (corner < 0) | (corner >= len(points)) | (corner != np.rint(corner))
+    blocks = [Cells(cell_type, _vertices(cells, ".ele", int(index[0]), len(points)))]
+    cell_data = {name: [tags] for name, tags in _references(values[:, 1 + n_nodes :]).items()}
+    for suffix, possible in _MARKED.items():
+        if suffix in beside and (dimension, n_nodes) in possible:
+            widths = possible[dimension, n_nodes]
+            marked = _read_marked(beside[suffix], suffix, widths, int(index[0]), len(points))
+            if marked is not None:
+                _append(blocks, cell_data, *marked)
+    mesh = Mesh(points, blocks, cell_data, point_data)
+    return TetgenSource(node, beside, mesh, *vertices.spans(np.arange(1, 1 + dimension)))
+
+
+def _vertices(cells: np.ndarray, suffix: str, first: int, n_points: int) -> np.ndarray:
+    """Vertex numbers, as they stand in the file, counted from 0; (n, k) int64."""
+    vertices = cells - first
+    wrong = (vertices < 0) | (vertices >= n_points) | (vertices != np.rint(vertices))
     if wrong.any():
         row, column = np.argwhere(wrong)[0]
         raise InputError(
-            f"element {row} of the .ele file names vertex {cells[row, column]:g}, which does not exist"
+            f"row {row} of the {suffix} file names vertex {cells[row, column]:g}, which does not exist"
         )
-    cell_data = {name: [tags] for name, tags in _references(values[:, 1 + n_nodes :]).items()}
-    mesh = Mesh(points, [Cells(cell_type, corner.astype(np.int64))], cell_data, point_data)
-    return TetgenSource(node, ele, mesh, *vertices.spans(np.arange(1, 1 + dimension)))
+    return vertices.astype(np.int64)
+
+
+def _read_marked(
+    data: bytes, suffix: str, possible: tuple[int, ...], first: int, n_points: int
+) -> tuple[Cells, np.ndarray] | None:
+    """The faces or edges in a file whose marker is not 0, and the markers; None if there are none.
+
+    possible: how many nodes they may have. first: the number of the first vertex.
+    """
+    table = _Table(data, suffix, "facets, markers", 1)
+    n_facets, n_markers = [*table.header, 0][:2]
+    if n_markers == 0 or n_facets == table.columns() == 0:
+        return None
+    more = (0, _NEIGHBOURS[suffix])
+    nodes_of = {1 + n_nodes + n_markers + extra: n_nodes for n_nodes in possible for extra in more}
+    if table.columns() not in nodes_of:
+        raise InputError(f"row 0 of the {suffix} file has {table.columns()} numbers, not {min(nodes_of)}")
+    n_nodes = nodes_of[table.columns()]
+    values = table.read(2 + n_nodes)
+    markers = values[:, 1 + n_nodes]
+    if not markers.any():
+        return None
+    vertices = _vertices(values[:, 1 : 1 + n_nodes], suffix, first, n_points)[markers != 0]
+    cell_type, order = _FACETS[suffix, n_nodes]
+    return Cells(cell_type, vertices[:, order]), _integers_if_whole(markers[markers != 0])
+
+
+def _append(
+    blocks: list[Cells], cell_data: dict[str, list[np.ndarray]], cells: Cells, markers: np.ndarray
+) -> None:
+    """Add a block of cells with their markers; other data, and those of elements without any, are 0."""
+    if not cell_data:
+        cell_data["tetgen:ref"] = [np.zeros(len(block.vertices), dtype=np.int64) for block in blocks]
+    for name, tags in cell_data.items():
+        tags.append(markers if name == "tetgen:ref" else np.zeros(len(markers), dtype=np.int64))
+    blocks.append(cells)
 
 
 class _Table:
@@ -125,6 +198,10 @@ class _Table:
         if not len(self._filled):
             raise InputError(f"the {name} file is empty")
         self.header = self._read_header(header, least)
+
+    def columns(self) -> int:
+        """How many numbers the first row has, 0 if there is none."""
+        return int(self._rows.counts[self._filled[1]]) if len(self._filled) > 1 else 0
 
     def read(self, columns: int) -> np.ndarray:
         """The first ``columns`` numbers of each row, (rows, columns); there has to be a row."""

@@ -1,18 +1,23 @@
-"""TetGen and Triangle pairs of .node and .ele files; meshio where it can read them."""
+"""TetGen and Triangle files, .node and .ele with .face and .edge; meshio where it can read them."""
 
 from __future__ import annotations
 
 import io
+import subprocess
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
 
+from dvr_cli.cli.main import main
 from dvr_cli.errors import InputError
 from dvr_cli.files import tetgen
+from dvr_cli.files.reading import open_mesh
 from dvr_cli.files.tetgen import TetgenSource
 from fuzz import COUNTS, mutated
+from meshes import TETRAHEDRA, grid
+from needs import require_program
 
 NODE = b"""# a cube's corner
   4  3  1  1   # counts
@@ -64,6 +69,13 @@ NODE_2D = b"""9 2 0 1
 ELE_2D = b"2 6 0\n1 4 1 2 6 7 5\n2 2 3 4 9 7 8\n"
 PAIRS = {"tetra": (NODE, ELE), "tetra10": (NODE_2ND, ELE_2ND), "triangle6": (NODE_2D, ELE_2D)}
 PAIRS["triangle"] = (NODE_2D, b"2 3 1\n1 4 1 2 0.5\n2 2 3 4 1.5\n")
+# Some of what TetGen writes beside NODE_2ND: with the switches -f and -e, and with -nn, the elements next to
+# each facet; and what Triangle writes with -e.
+FACE_2ND = b"3  1\n 1 3 4 5 6 10 9 0\n 2 3 1 2 13 14 8 -7\n 3 4 3 1 8 11 9 5\n"
+EDGE_2ND = b"2  1\n 1 3 4 9 0\n 2 3 1 8 4\n"
+FACE_NN = b"2  1\n 1 1 2 3 31 1 -1\n 2 2 3 4 0 1 -1\n# end\n"
+EDGE_NN = b"1  1\n 1 1 2 -3 1\n"
+EDGE_2D = b"3 1\n1 4 1 2\n2 1 2 0\n3 2 4 0\n"
 
 
 def from_zero(text: bytes) -> bytes:
@@ -77,6 +89,11 @@ def from_zero(text: bytes) -> bytes:
     return b"\n".join([header, *map(b" ".join, split)])
 
 
+def files(name: str) -> tuple[bytes, dict[str, bytes]]:
+    node, ele = PAIRS[name]
+    return node, {".ele": ele}
+
+
 def written(source: TetgenSource, points: np.ndarray) -> bytes:
     file = io.BytesIO()
     source.write(points, file)
@@ -84,7 +101,7 @@ def written(source: TetgenSource, points: np.ndarray) -> bytes:
 
 
 def test_points_cells_and_data():
-    mesh = tetgen.read_pair(NODE, ELE).mesh
+    mesh = tetgen.read_files(NODE, {".ele": ELE}).mesh
     assert mesh.points.tolist() == [[0, 0, 0], [1.5, 0, 0], [0, 1, 0], [0, 0, 1]]
     assert [(block.type, block.vertices.tolist()) for block in mesh.cells] == [("tetra", [[0, 1, 2, 3]])]
     assert mesh.cell_data["tetgen:ref"][0].tolist() == [17]
@@ -96,7 +113,7 @@ def test_points_cells_and_data():
 @pytest.mark.parametrize("name", PAIRS)
 def test_unmoved_is_identical(name):
     node, ele = PAIRS[name]
-    source = tetgen.read_pair(node, ele)
+    source = tetgen.read_files(node, {".ele": ele})
     assert written(source, source.mesh.points.copy()) == node
     source.target = Path("out.node")
     assert source.companions(source.mesh.points) == {Path("out.ele"): ele}
@@ -104,20 +121,20 @@ def test_unmoved_is_identical(name):
 
 
 def test_moved_differs_in_coordinates_only():
-    source = tetgen.read_pair(NODE, ELE)
+    source = tetgen.read_files(NODE, {".ele": ELE})
     points = source.mesh.points.copy()
     points[1, :2] = 0.1, 1e-17
     expected = NODE.replace(b"1.5e0  0 0", b"0.1  1e-17 0").replace(b"\r", b"")
     assert written(source, points) == expected
     assert (
-        tetgen.read_pair(expected, ELE).mesh.points.tolist()
+        tetgen.read_files(expected, {".ele": ELE}).mesh.points.tolist()
         == source.stored(points).tolist()
         == points.tolist()
     )
 
 
 def test_a_plane_mesh_has_two_coordinates():
-    source = tetgen.read_pair(*PAIRS["triangle"])
+    source = tetgen.read_files(*files("triangle"))
     assert source.mesh.points.shape == (9, 2)
     points = source.mesh.points.copy()
     points[6] = 1.1, 0.4
@@ -133,7 +150,7 @@ def test_a_plane_mesh_has_two_coordinates():
     ],
 )
 def test_midside_nodes_lie_where_meshio_puts_them(name, edges):
-    mesh = tetgen.read_pair(*PAIRS[name]).mesh
+    mesh = tetgen.read_files(*files(name)).mesh
     x = mesh.points[mesh.cells[0].vertices]
     corners = x.shape[1] - len(edges)
     for i, (a, b) in enumerate(edges):
@@ -145,8 +162,8 @@ def test_numbers_may_begin_at_zero(name):
     node, ele = PAIRS[name]
     lines = node.split(b"\n")
     rows = [b"%d %s" % (i, line.split(b" ", 1)[1]) for i, line in enumerate(lines[1:-1])]
-    zero = tetgen.read_pair(b"\n".join([lines[0], *rows]), from_zero(ele)).mesh
-    one = tetgen.read_pair(node, ele).mesh
+    zero = tetgen.read_files(b"\n".join([lines[0], *rows]), {".ele": from_zero(ele)}).mesh
+    one = tetgen.read_files(node, {".ele": ele}).mesh
     assert zero.points.tolist() == one.points.tolist()
     assert zero.cells[0].vertices.tolist() == one.cells[0].vertices.tolist()
 
@@ -154,8 +171,8 @@ def test_numbers_may_begin_at_zero(name):
 @pytest.mark.parametrize("line_end", [b"\r\n", b"\r"])
 def test_other_line_ends(line_end):
     node, ele = NODE.replace(b"\n", line_end), ELE.replace(b"\n", line_end)
-    source = tetgen.read_pair(node, ele)
-    assert source.mesh.points.tolist() == tetgen.read_pair(NODE, ELE).mesh.points.tolist()
+    source = tetgen.read_files(node, {".ele": ele})
+    assert source.mesh.points.tolist() == tetgen.read_files(NODE, {".ele": ELE}).mesh.points.tolist()
     assert written(source, source.mesh.points.copy()) == node
 
 
@@ -169,7 +186,7 @@ def test_meshio_reads_and_writes_the_same(tmp_path):
     )
     meshio.write(tmp_path / "x.node", given)
     node, ele = (tmp_path / "x.node").read_bytes(), (tmp_path / "x.ele").read_bytes()
-    source = tetgen.read_pair(node, ele)
+    source = tetgen.read_files(node, {".ele": ele})
     assert source.mesh.points.tolist() == given.points.tolist()
     assert source.mesh.cells[0].vertices.tolist() == given.cells[0].data.tolist()
     assert source.mesh.cell_data["tetgen:ref"][0].tolist() == given.cell_data["tetgen:ref"][0].tolist()
@@ -178,6 +195,145 @@ def test_meshio_reads_and_writes_the_same(tmp_path):
     points = source.mesh.points + 1 / 3
     (tmp_path / "x.node").write_bytes(written(source, points))
     assert meshio.read(tmp_path / "x.node").points.tolist() == points.tolist()
+
+
+def cells_with_tags(mesh):
+    return [
+        (block.type, block.vertices.tolist(), tags.tolist())
+        for block, tags in zip(mesh.cells, mesh.cell_data["tetgen:ref"], strict=True)
+    ]
+
+
+def test_what_is_marked_in_companions_becomes_cells():
+    mesh = tetgen.read_files(NODE, {".ele": ELE, ".face": FACE_NN, ".edge": EDGE_NN}).mesh
+    assert cells_with_tags(mesh) == [
+        ("tetra", [[0, 1, 2, 3]], [17]),
+        ("triangle", [[0, 1, 2]], [31]),
+        ("line", [[0, 1]], [-3]),
+    ]
+    mesh = tetgen.read_files(NODE_2D, {".ele": PAIRS["triangle6"][1], ".edge": EDGE_2D}).mesh
+    assert cells_with_tags(mesh)[1:] == [("line", [[3, 0]], [2])]
+    assert mesh.cell_data["tetgen:ref"][0].tolist() == [0, 0]
+
+
+def test_second_order_companions():
+    mesh = tetgen.read_files(NODE_2ND, {".ele": ELE_2ND, ".face": FACE_2ND, ".edge": EDGE_2ND}).mesh
+    triangles, lines = cells_with_tags(mesh)[1:]
+    assert triangles == ("triangle6", [[2, 0, 1, 7, 12, 13], [3, 2, 0, 8, 7, 10]], [-7, 5])
+    assert lines == ("line3", [[2, 0, 7]], [4])
+    for cell in triangles[1]:
+        corners, mids = mesh.points[cell[:3]], mesh.points[cell[3:]]
+        assert ((corners + np.roll(corners, -1, axis=0)) / 2 == mids).all()
+
+
+def test_companions_without_markers_mark_nothing():
+    alone = tetgen.read_files(NODE, {".ele": ELE}).mesh
+    for face in (b"0 1\n", b"1 0\n1 1 2 3\n", b"1 1\n1 1 2 3 0\n"):
+        mesh = tetgen.read_files(NODE, {".ele": ELE, ".face": face}).mesh
+        assert cells_with_tags(mesh) == cells_with_tags(alone)
+
+
+def middles(ends: np.ndarray) -> np.ndarray:
+    return ends.mean(axis=1)
+
+
+def test_tetgen_itself(tmp_path):
+    """All its companions, of linear and second-order elements, against where its vertices lie."""
+    program = require_program("tetgen")
+    corners = "".join(f"{i} {i & 1} {i >> 1 & 1} {i >> 2}\n" for i in range(8))
+    sides = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
+    facets = "".join(f"1 0 {5 + i}\n4 {' '.join(map(str, side))}\n" for i, side in enumerate(sides))
+    for switches, types in (
+        ("-pqa0.2feQ", {"tetra", "triangle", "line"}),
+        ("-pqa0.2feo2Q", {"tetra10", "triangle6", "line3"}),
+        ("-pqa0.2feo2nnQ", {"tetra10", "triangle6", "line3"}),
+    ):
+        (tmp_path / "cube.poly").write_text(f"8 3 0 0\n{corners}6 1\n{facets}0\n0\n")
+        subprocess.run([program, switches, "cube.poly"], cwd=tmp_path, check=True, capture_output=True)
+        source = open_mesh(tmp_path / "cube.1.node")
+        mesh = source.mesh
+        assert {block.type for block in mesh.cells} == types
+        _, triangles, lines = mesh.cells
+        for node, ends in zip(triangles.vertices.T[3:], [(0, 1), (1, 2), (2, 0)], strict=False):
+            np.testing.assert_allclose(mesh.points[node], middles(mesh.points[triangles.vertices[:, ends]]))
+        for node in lines.vertices.T[2:]:
+            np.testing.assert_allclose(mesh.points[node], middles(mesh.points[lines.vertices[:, :2]]))
+        for cell, tag in zip(triangles.vertices, mesh.cell_data["tetgen:ref"][1], strict=True):
+            axis, side = divmod(tag - 5, 2)
+            assert (mesh.points[cell, 2 - axis] == side).all()
+        on_edge = np.isin(mesh.points[lines.vertices], (0, 1)).all(axis=1).sum(axis=1)
+        assert (on_edge >= 2).all()
+        source.target = tmp_path / "out.node"
+        assert {path.suffix: data for path, data in source.companions(mesh.points).items()} == {
+            suffix: (tmp_path / f"cube.1{suffix}").read_bytes() for suffix in (".ele", ".face", ".edge")
+        }
+
+
+def split_cube(n: int) -> dict[str, bytes]:
+    """A cube of tetrahedra with shifted inner vertices, the halves of whose top have markers 21 and 22."""
+    points, boxes = grid(n, 3)
+    rng = np.random.default_rng(3)
+    on = (points == 0) | (points == 1)
+    points = np.where(on | (points == 0.5), points, points + 0.3 / n * rng.uniform(-1, 1, points.shape))
+    cells = boxes[:, np.array(TETRAHEDRA)].reshape(-1, 4)
+    faces = cells[:, [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]].reshape(-1, 3)
+    top = (points[faces, 2] == 1).all(axis=1)
+    skin = on[faces].all(axis=1).any(axis=1)
+    marker = np.where(top, np.where(points[faces, 0].mean(axis=1) < 0.5, 21, 22), np.where(skin, 7, 0))
+    rows = [
+        (".node", f"{len(points)} 3 0 0", points.tolist()),
+        (".ele", f"{len(cells)} 4 0", cells.tolist()),
+        (".face", f"{len(faces)} 1", np.column_stack([faces, marker]).tolist()),
+    ]
+    return {
+        suffix: "\n".join([head, *(f"{i} {' '.join(map(str, row))}" for i, row in enumerate(body))]).encode()
+        for suffix, head, body in rows
+    }
+
+
+def test_facet_markers_bind_what_slides(tmp_path, capsys):
+    """The line where the two markers meet is no edge of the shape: only the .face file tells of it."""
+    for suffix, data in split_cube(4).items():
+        (tmp_path / f"in{suffix}").write_bytes(data)
+    before = open_mesh(tmp_path / "in.node").mesh
+    inner = before.cells[1].vertices
+    assert len(inner) == 6 * 4 * 4 * 2  # the faces of marker 0 are no cells
+    arguments = ["smooth", str(tmp_path / "in.node"), str(tmp_path / "out.node"), "--boundary", "slide"]
+    assert main([*arguments, "-n", "5", "--engine", "numpy"]) == 0
+    after = open_mesh(tmp_path / "out.node").mesh
+    assert (tmp_path / "out.face").read_bytes() == (tmp_path / "in.face").read_bytes()
+    moved = (after.points != before.points).any(axis=1)
+    assert moved[(before.points[:, 2] == 1) & (before.points[:, 0] < 0.5)].any()
+    for tag in (21, 22):
+        a, b, c = after.points[after.cells[1].vertices[after.cell_data["tetgen:ref"][1] == tag]].swapaxes(
+            0, 1
+        )
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+        assert area == pytest.approx(0.5, abs=1e-14)
+
+
+def test_a_face_file_that_is_damaged_is_refused_by_name(tmp_path, capsys):
+    for suffix, data in ((".node", NODE), (".ele", ELE), (".face", b"1 1\n1 1 2 9 4\n")):
+        (tmp_path / f"in{suffix}").write_bytes(data)
+    assert main(["smooth", str(tmp_path / "in.ele"), str(tmp_path / "out.ele")]) == 3
+    assert "row 0 of the .face file names vertex 9" in capsys.readouterr().err
+    assert not (tmp_path / "out.ele").exists()
+
+
+@pytest.mark.parametrize(
+    ("beside", "words"),
+    [
+        ({".face": b"x"}, ".face file should begin with the numbers of facets, markers"),
+        ({".face": b"2 1\n1 1 2 3 4\n"}, ".face file declares 2 rows, but has 1"),
+        ({".face": b"1 1\n1 1 2 3\n"}, "row 0 of the .face file has 4 numbers, not 5"),
+        ({".edge": b"1 1\n1 1 2\n"}, "row 0 of the .edge file has 3 numbers, not 4"),
+        ({".edge": b"2 1\n1 1 2 1\n2 1 2\n"}, "row 1 of the .edge file has fewer than 4"),
+        ({".edge": b"1 1\n1 -1 2 1\n"}, "names vertex -1"),
+    ],
+)
+def test_companions_refused(beside, words):
+    with pytest.raises(InputError, match=words):
+        tetgen.read_files(NODE, {".ele": ELE, **beside})
 
 
 @pytest.mark.parametrize(
@@ -209,9 +365,29 @@ def test_meshio_reads_and_writes_the_same(tmp_path):
 )
 def test_refused_with_one_line_that_says_why(node, ele, words):
     with pytest.raises(InputError) as caught:
-        tetgen.read_pair(node, ele)
+        tetgen.read_files(node, {".ele": ele})
     assert words in str(caught.value)
     assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_damaged_companions_raise_input_errors_only(count):
+    whole = [(NODE, ELE, FACE_NN, EDGE_NN), (NODE_2ND, ELE_2ND, FACE_2ND, EDGE_2ND)]
+    faces = mutated([face for _, _, face, _ in whole], count, seed=19)
+    edges = mutated([edge for *_, edge in whole], count, seed=23)
+    refused = 0
+    for i, (face, edge) in enumerate(zip(faces, edges, strict=True)):
+        node, ele, good_face, good_edge = whole[i % 2]
+        beside = {".face": face, ".edge": good_edge} if i // 2 % 2 else {".face": good_face, ".edge": edge}
+        try:
+            mesh = tetgen.read_files(node, {".ele": ele, **beside}).mesh
+        except InputError:
+            refused += 1
+            continue
+        for block, tags in zip(mesh.cells, mesh.cell_data["tetgen:ref"], strict=True):
+            assert len(tags) == len(block.vertices)
+            assert 0 <= block.vertices.min() <= block.vertices.max() < len(mesh.points)
+    assert count // 4 < refused < count
 
 
 @pytest.mark.parametrize("count", COUNTS)
@@ -226,7 +402,7 @@ def test_damaged_files_raise_input_errors_only(count):
         else:
             ele = whole[i % 4][1]
         try:
-            source = tetgen.read_pair(node, ele)
+            source = tetgen.read_files(node, {".ele": ele})
         except InputError as error:
             messages.append(str(error))
             continue
@@ -236,7 +412,7 @@ def test_damaged_files_raise_input_errors_only(count):
         vertices = mesh.cells[0].vertices
         assert 0 <= vertices.min() <= vertices.max() < len(mesh.points)
         points = mesh.points + 0.25
-        again = tetgen.read_pair(written(source, points), ele).mesh
+        again = tetgen.read_files(written(source, points), {".ele": ele}).mesh
         assert np.array_equal(again.points, points, equal_nan=True)
         assert again.cells[0].vertices.tolist() == vertices.tolist()
     assert read_well > 0.075 * count
