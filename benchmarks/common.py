@@ -14,7 +14,7 @@ import numpy as np
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.directions import random_field
-from dvr_cli.relax.engines.choice import has_numba, make_engine
+from dvr_cli.relax.engines.choice import KINDS, has_numba
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import build_problem
 
@@ -84,9 +84,8 @@ def engine_for(domain: Domain, contender: Contender) -> Engine:
     """An engine for all interior vertices of a domain, coloured order; coordinates not yet loaded."""
     name, threads = contender
     relaxed = np.flatnonzero(domain.interior)
-    return make_engine(
-        name, build_problem(domain.corners, relaxed, domain.points, compiled=name == "numba"), threads
-    )
+    kind = KINDS[name]
+    return kind.make(build_problem(domain.corners, relaxed, domain.points, backend=kind.backend), threads)
 
 
 def random_directions(engine: Engine, n_points: int, sweeps: int) -> list[np.ndarray]:
@@ -113,7 +112,7 @@ def warm_up(mesh: Mesh, contender: Contender) -> None:
 
 def domain_for(mesh: Mesh, contender: Contender) -> Domain:
     """The domain of a mesh, found the way its contender's engine would have it found."""
-    return domain_of(mesh, compiled=contender[0] == "numba")
+    return domain_of(mesh, backend=KINDS[contender[0]].backend)
 
 
 def times(one: float, other: float) -> str:

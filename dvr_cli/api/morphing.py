@@ -106,7 +106,7 @@ def morph_mesh(
         stopped_because=stopped_because,
         limited_by=None,
         seconds=seconds,
-        engine=relaxer.engine_name,
+        engine=relaxer.engine_kind.name,
         threads=relaxer.threads,
         options={**options.record(), "near": near},
     )
@@ -114,7 +114,7 @@ def morph_mesh(
 
 def _valid(domain: Domain, points: np.ndarray) -> bool:
     """Whether no element is inverted or degenerate."""
-    qualities = corner_qualities(domain.flatten(points), domain.corners, domain.compiled)
+    qualities = corner_qualities(domain.flatten(points), domain.corners, domain.backend)
     return bool(qualities.min() > DEGENERATE)
 
 

@@ -22,7 +22,7 @@ from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.quality.measure import measure
 from dvr_cli.relax.directions import direction_field, restricted
-from dvr_cli.relax.engines.choice import checked_threads, chosen_engine, make_engine
+from dvr_cli.relax.engines.choice import chosen_engine
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import Stopping
@@ -119,11 +119,11 @@ class Relaxer:
 
     def _prepare(self, mesh: Mesh, options: SmoothOptions) -> None:
         mesh = replace(mesh, points=mesh.points.copy())  # what is kept must not change with the caller's
-        self.engine_name = chosen_engine(options.engine, len(mesh.points), options.stopping.max_iterations)
-        self.threads = checked_threads(options.threads) if self.engine_name == "numba" else 1
+        self.engine_kind = chosen_engine(options.engine, len(mesh.points), options.stopping.max_iterations)
+        self.threads = self.engine_kind.threads(options.threads)
         self._options = options
         self._point_data = mesh.point_data
-        self.domain = domain_of(mesh, options.straighten, compiled=self.engine_name == "numba")
+        self.domain = domain_of(mesh, options.straighten, self.engine_kind.backend)
         if self.domain.is_surface:
             raise InputError("a surface in space cannot be followed; planar and volume meshes can")
         self.points = mesh.points.copy()
@@ -244,9 +244,9 @@ class Relaxer:
                 domain.points,
                 options.order,
                 options.seed,
-                domain.compiled,
+                domain.backend,
             )
-            self._engine = make_engine(self.engine_name, problem, self.threads)
+            self._engine = self.engine_kind.make(problem, self.threads)
             self._engine_moves = moves
         return self._engine
 

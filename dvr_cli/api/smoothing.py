@@ -21,7 +21,7 @@ from dvr_cli.quality.limits import Limit, limit_of
 from dvr_cli.quality.measure import Quality, mean_quality, measure
 from dvr_cli.quality.vector import at_least
 from dvr_cli.relax.directions import direction_field
-from dvr_cli.relax.engines.choice import checked_threads, chosen_engine, make_engine
+from dvr_cli.relax.engines.choice import chosen_engine
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.sweeps import Sweep
@@ -57,9 +57,8 @@ def smooth_mesh(
     Raises OutputError if rounding in the storage would make the mesh worse than it was.
     """
     vertices, sweeps = len(mesh.points), options.stopping.max_iterations
-    engine_name = chosen_engine(options.engine, vertices, sweeps, options.takes_patches)
-    compiled = engine_name == "numba"
-    domain = domain_of(mesh, options.straighten, compiled)
+    kind = chosen_engine(options.engine, vertices, sweeps, options.takes_patches)
+    domain = domain_of(mesh, options.straighten, kind.backend)
     if options.untangle and domain.is_surface:
         raise InputError("a surface in space cannot be untangled; planar and volume meshes can")
     chosen = options.selection.masks(mesh, domain)
@@ -71,9 +70,9 @@ def smooth_mesh(
     )
     before = measure(domain, mesh.points, relaxed)
     begin = time.perf_counter()
-    parts = options.order, options.seed, compiled, moves.freedom
+    parts = options.order, options.seed, kind.backend, moves.freedom
     problem = build_problem(domain.corners, moves.freedom.relaxed, domain.points, *parts)
-    engine = make_engine(engine_name, problem, checked_threads(options.threads))
+    engine = kind.make(problem, options.threads)
     mean: dict[int, float] = {}
     if means:
         on_sweep = _taking_means(mean, engine, domain, on_sweep)

@@ -49,7 +49,7 @@ def constraints_of(mesh: Mesh, domain: Domain) -> Constraints:
     """The constraints of a mesh and its domain."""
     d, n_points = domain.dimension, len(mesh.points)
     linear = linear_cells(mesh.cells)
-    sides = facets_of(domain.cells, domain.compiled)
+    sides = facets_of(domain.cells, domain.backend)
     width = sides.sides.shape[1]
     sheets, wires = [], []
     fixed = np.zeros(n_points, dtype=bool)

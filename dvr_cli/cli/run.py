@@ -98,7 +98,7 @@ def run(
     if not quiet:
         say(smooth_text(result, str(source), str(output), columns(sys.stderr)))
         relaxing = sum(sweep["seconds"] for sweep in result.sweeps)
-        if result.engine == "numpy" and relaxing > _LONG and not has_numba():
+        if relaxing > _LONG and not has_numba():
             say("note: the compiled engine would be several times faster: pip install 'dvr-cli[fast]'")
         for note in destination.notes:
             say(f"note: {output}: {note}")

@@ -12,6 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
+from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.errors import InputError
 from dvr_cli.mesh.corners import DIMENSION, Corners, corners_of
 from dvr_cli.mesh.interior import enclosed
@@ -20,7 +21,7 @@ from dvr_cli.mesh.orientation import mirrored_cells, unlike_cells, with_mirrored
 from dvr_cli.mesh.plane import Plane, plane_of
 from dvr_cli.mesh.regions import regions_of
 from dvr_cli.mesh.second_order import NODES, MidNodes, linear_cells, mid_nodes
-from dvr_cli.mesh.simplex import corner_measures
+from dvr_cli.mesh.simplex import determinants
 
 _LARGEST = 1e50  # its sixth power, which comparing tetrahedra takes, is still a number
 LOWER = ("vertex", "line", "line4")  # cells of dimension below 2 that may come along
@@ -42,7 +43,7 @@ class Domain:
     plane: the plane of a planar mesh, None for a volume mesh and a surface.
     mids: the nodes of second-order cells that follow their corners, None if there are none.
     straighten: whether those that move lose their offset from the straight edge or face.
-    compiled: whether compiled code is used for it; the results are the same.
+    backend: what computes; the results are the same.
     """
 
     points: np.ndarray
@@ -55,7 +56,7 @@ class Domain:
     plane: Plane | None
     mids: MidNodes | None
     straighten: bool
-    compiled: bool
+    backend: Backend
 
     @property
     def dimension(self) -> int:
@@ -104,11 +105,11 @@ class Domain:
         return lifted
 
 
-def domain_of(mesh: Mesh, straighten: bool = False, compiled: bool = False) -> Domain:
+def domain_of(mesh: Mesh, straighten: bool = False, backend: Backend = NUMPY) -> Domain:
     """Check a mesh and find its domain.
 
     straighten: take curved second-order cells as straight.
-    compiled: use compiled code; the result is the same.
+    backend: what computes; the result is the same.
 
     Raises InputError for a mesh without planar or volume cells, with coordinates that are not finite, with
     cells that name missing vertices or one vertex twice, or with cells that cannot be relaxed (curved
@@ -131,11 +132,13 @@ def domain_of(mesh: Mesh, straighten: bool = False, compiled: bool = False) -> D
     points = np.ascontiguousarray(points, dtype=np.float64)
     as_stored = corners_of(stored, dimension)
     if points.shape[1] > dimension:  # either side of a surface may be its upper one
-        compiled = False
+        backend = NUMPY
         mirrored = unlike_cells(np.ones(len(as_stored.first) - 1), stored)
     else:
-        measures = np.add.reduceat(corner_measures(points, as_stored, compiled), as_stored.first[:-1])
-        mirrored = mirrored_cells(measures, stored, compiled)
+        measures = np.add.reduceat(
+            backend.twin(determinants)(points, as_stored.vertices), as_stored.first[:-1]
+        )
+        mirrored = mirrored_cells(measures, stored, backend)
     cells = with_mirrored(stored, mirrored)
     region = regions_of(mesh, chosen)
     return Domain(
@@ -144,12 +147,12 @@ def domain_of(mesh: Mesh, straighten: bool = False, compiled: bool = False) -> D
         cell_ids=np.concatenate([np.arange(first[b], first[b + 1]) for b in chosen]),
         corners=corners_of(cells, dimension) if mirrored.any() else as_stored,
         region=region,
-        interior=_interior(linear, stored, chosen, region, len(mesh.points), compiled) & mesh.unlinked,
+        interior=_interior(linear, stored, chosen, region, len(mesh.points), backend) & mesh.unlinked,
         mirrored=int(mirrored.sum()),
         plane=plane,
         mids=mids,
         straighten=straighten,
-        compiled=compiled,
+        backend=backend,
     )
 
 
@@ -159,10 +162,10 @@ def _interior(
     chosen: list[int],
     region: np.ndarray,
     n_points: int,
-    compiled: bool,
+    backend: Backend,
 ) -> np.ndarray:
     """(N,) bool: vertices inside one region that no cell of lower dimension holds."""
-    interior = enclosed(stored, region, n_points, compiled)
+    interior = enclosed(stored, region, n_points, backend)
     for b, block in enumerate(cells):
         if b not in chosen:
             interior[block.vertices] = False

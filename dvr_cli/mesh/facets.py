@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.mesh import Cells
 
 # Vertices in positive order: outward by the right-hand rule, counterclockwise for planar cells.
@@ -62,10 +63,10 @@ class Facets:
         return np.diff(self.start)
 
 
-def facets_of(blocks: list[Cells], compiled: bool = False) -> Facets:
+def facets_of(blocks: list[Cells], backend: Backend = NUMPY) -> Facets:
     """The facets of blocks of linear cells of one dimension; cells are numbered through the blocks.
 
-    compiled: use compiled code; the result is the same but for the order of the facets.
+    backend: what computes; the result is the same but for the order of the facets.
     """
     width = max((len(facet) for block in blocks for facet in FACETS[block.type]), default=2)
     total = sum(len(block.vertices) * len(FACETS[block.type]) for block in blocks)
@@ -80,27 +81,25 @@ def facets_of(blocks: list[Cells], compiled: bool = False) -> Facets:
             cell[row : row + n] = np.arange(first, first + n)
             row += n
         first += n
-    if compiled:
-        from dvr_cli.mesh.facets_numba import facet_order
-
-        order, new = facet_order(vertices, int(vertices.max(initial=-1)) + 1)
-    else:
-        order, new = _facet_order(vertices)
+    order, new = backend.twin(facet_order)(vertices, int(vertices.max(initial=-1)) + 1)
     return Facets(vertices, cell, order, np.append(np.flatnonzero(new), len(cell)))
 
 
 def numbered(rows: np.ndarray) -> np.ndarray:
     """(n,) a number from 0 for each of ``rows`` ((n, w) point indices, -1 for none), equal for equal sets."""
-    order, new = _facet_order(rows)
+    order, new = facet_order(rows, int(rows.max(initial=-1)) + 1)
     number = np.empty(len(rows), dtype=np.int64)
     number[order] = np.cumsum(new) - 1
     return number
 
 
-def _facet_order(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """An order that puts facets with the same vertices together, and where in it a new one begins."""
+def facet_order(vertices: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """An order that puts facets with the same vertices together, and where in it a new one begins.
+
+    vertices: (F, w) from -1 to n - 1.
+    """
     rows = np.sort(vertices, axis=1)
-    n = int(rows.max(initial=0)) + 2  # entries run from -1
+    n += 1  # values, -1 included
     keys = []
     room = 0
     for column in rows.T:  # pack as many columns into each 63-bit key as fit

@@ -10,7 +10,7 @@ from dvr_cli.mesh.csr_numba import group
 
 @compiled
 def facet_order(vertices: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """As ``facets._facet_order``: an order that puts facets with the same vertices together, and where each
+    """As ``facets.facet_order``: an order that puts facets with the same vertices together, and where each
     group begins. n: number of points.
 
     Facets are grouped by their largest vertex; the few of one group are sorted by the others.

@@ -10,51 +10,68 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.mesh.facets import FACETS, local_facets
+from dvr_cli.backend import NUMPY, Backend
+from dvr_cli.mesh.facets import local_facets
 from dvr_cli.mesh.hashing import mixed
 from dvr_cli.mesh.mesh import Cells
 
 _CELLS = 1 << 14  # cells looked at together: small enough for the cache
 
 
-def enclosed(blocks: list[Cells], region: np.ndarray, n_points: int, compiled: bool = False) -> np.ndarray:
+def enclosed(blocks: list[Cells], region: np.ndarray, n_points: int, backend: Backend = NUMPY) -> np.ndarray:
     """(N,) bool: vertices of the cells without a facet that belongs to an odd number of cells of a region.
 
     blocks: linear cells of one dimension; region: (n,) region number of each, through all blocks.
-    compiled: use compiled code; the result is the same.
+    backend: what computes; the result is the same.
     """
     used = np.zeros(n_points, dtype=bool)
     left_over = np.zeros(n_points, dtype=np.uint64)
     of_vertex = mixed(np.arange(1, n_points + 1, dtype=np.uint64))
     of_region = mixed(~region.astype(np.uint64)) if region.any() else np.zeros(len(region), dtype=np.uint64)
     first = 0
-    for block in blocks:
-        here = of_region[first : first + len(block.vertices)]
-        first += len(block.vertices)
-        if compiled:
-            from dvr_cli.mesh import interior_numba as fast
-
-            with np.errstate(over="ignore"):  # numbers are modulo 2^64, and numba may be told to run Python
-                if block.type in ("triangle", "tetra"):
-                    fast.cancel_facets_of_simplices(block.vertices, of_vertex, here, used, left_over)
-                else:
-                    facets = local_facets(block.type)
-                    fast.cancel_facets(block.vertices, facets, of_vertex, here, used, left_over)
-        else:
-            _cancel_facets(block, of_vertex, here, used, left_over)
+    with np.errstate(over="ignore"):  # numbers are modulo 2^64, and numba may be told to run Python
+        for block in blocks:
+            here = of_region[first : first + len(block.vertices)]
+            first += len(block.vertices)
+            sums = of_vertex, here, used, left_over
+            if block.type in ("triangle", "tetra"):
+                backend.twin(cancel_facets_of_simplices)(block.vertices, *sums)
+            else:
+                backend.twin(cancel_facets)(block.vertices, local_facets(block.type), *sums)
     return used & (left_over == 0)
 
 
-def _cancel_facets(
-    block: Cells, of_vertex: np.ndarray, of_region: np.ndarray, used: np.ndarray, left_over: np.ndarray
+def cancel_facets(
+    vertices: np.ndarray,
+    facets: np.ndarray,
+    of_vertex: np.ndarray,
+    of_region: np.ndarray,
+    used: np.ndarray,
+    left_over: np.ndarray,
 ) -> None:
-    """Add the cells of a block to what ``enclosed`` knows of their vertices."""
-    facets = FACETS[block.type]
-    for lo in range(0, len(block.vertices), _CELLS):
-        vertices = block.vertices[lo : lo + _CELLS].T.astype(np.intp)
-        number, here = of_vertex[vertices], of_region[lo : lo + _CELLS]
-        numbers = [mixed(sum((number[k] for k in facet), here)) for facet in facets]
-        for k, vertex in enumerate(vertices):
-            around = [n for n, facet in zip(numbers, facets, strict=True) if k in facet]
+    """Add the cells ``vertices`` (n, k) to what ``enclosed`` knows of their vertices.
+
+    facets: (F, w) the local facets of their type, shorter ones ending in -1. of_region: (n,).
+    """
+    sides = [[k for k in facet if k >= 0] for facet in facets.tolist()]
+    for lo in range(0, len(vertices), _CELLS):
+        chunk = vertices[lo : lo + _CELLS].T.astype(np.intp)
+        number, here = of_vertex[chunk], of_region[lo : lo + _CELLS]
+        numbers = [mixed(sum((number[k] for k in side), here)) for side in sides]
+        for k, vertex in enumerate(chunk):
+            around = [n for n, side in zip(numbers, sides, strict=True) if k in side]
             used[vertex] = True
             np.bitwise_xor.at(left_over, vertex, np.bitwise_xor.reduce(around))
+
+
+def cancel_facets_of_simplices(
+    vertices: np.ndarray,
+    of_vertex: np.ndarray,
+    of_region: np.ndarray,
+    used: np.ndarray,
+    left_over: np.ndarray,
+) -> None:
+    """The same for triangles or tetrahedra, each facet of which lacks one vertex."""
+    width = vertices.shape[1]
+    facets = np.array([[k for k in range(width) if k != lacking] for lacking in range(width)])
+    cancel_facets(vertices, facets, of_vertex, of_region, used, left_over)

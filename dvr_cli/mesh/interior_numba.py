@@ -19,7 +19,7 @@ def cancel_facets(
     used: np.ndarray,
     left_over: np.ndarray,
 ) -> None:
-    """As ``interior._cancel_facets``, of the cells (n, k) with these ``local_facets``."""
+    """As ``interior.cancel_facets``."""
     width = vertices.shape[1]
     number, around = np.empty(width, dtype=np.uint64), np.empty(width, dtype=np.uint64)
     for c in range(len(vertices)):

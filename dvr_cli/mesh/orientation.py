@@ -11,30 +11,31 @@ from __future__ import annotations
 
 import numpy as np
 
+from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.corners import MIRROR
 from dvr_cli.mesh.facets import facets_of
 from dvr_cli.mesh.mesh import Cells
 
 
-def mirrored_cells(measures: np.ndarray, blocks: list[Cells], compiled: bool = False) -> np.ndarray:
+def mirrored_cells(measures: np.ndarray, blocks: list[Cells], backend: Backend = NUMPY) -> np.ndarray:
     """(n,) bool: the cells whose stored order has to be mirrored to orient the mesh coherently.
 
     measures: (n,) signed measure of each cell as stored, in any positive scale; blocks: the cells.
-    compiled: use compiled code; the result is the same.
+    backend: what computes; the result is the same.
     """
     if (measures > 0).all():
         return np.zeros(len(measures), dtype=bool)
     if (measures < 0).all():
         return np.ones(len(measures), dtype=bool)
-    return unlike_cells(measures, blocks, compiled)
+    return unlike_cells(measures, blocks, backend)
 
 
-def unlike_cells(weights: np.ndarray, blocks: list[Cells], compiled: bool = False) -> np.ndarray:
+def unlike_cells(weights: np.ndarray, blocks: list[Cells], backend: Backend = NUMPY) -> np.ndarray:
     """(n,) bool: the cells to mirror to make each connected part alike: those of less ``weights`` (n,).
 
-    blocks, compiled: as for ``mirrored_cells``.
+    blocks, backend: as for ``mirrored_cells``.
     """
-    facets = facets_of(blocks, compiled)
+    facets = facets_of(blocks, backend)
     pair = facets.start[:-1][facets.shared_by == 2]
     one, other = facets.cell[pair].astype(np.int64), facets.cell[pair + 1].astype(np.int64)
     alike = ~_same_direction(facets.vertices[pair], facets.vertices[pair + 1])

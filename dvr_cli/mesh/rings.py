@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.corners import ORIGIN_FIRST, Corners
 from dvr_cli.mesh.csr import group, row_entries
 
@@ -51,38 +52,49 @@ class Incidence:
     place: np.ndarray
     members: np.ndarray
 
-    def rings(self, corners: Corners, sequence: np.ndarray, compiled: bool = False) -> Rings:
-        """The rings of the vertices sequence[0], sequence[1], ... of the m.
+    def rings(self, corners: Corners, sequence: np.ndarray, backend: Backend = NUMPY) -> Rings:
+        """The rings of the vertices sequence[0], sequence[1], ... of the m, each once.
 
-        compiled: use compiled code; the result is the same.
+        backend: what computes; the result is the same.
         """
-        origin_first = ORIGIN_FIRST[corners.dimension]
-        if compiled:
-            from dvr_cli.mesh import rings_numba as fast
-
-            parts = fast.rings(
-                sequence, self.start, self.corner, self.place, corners.vertices, corners.shapes, origin_first
-            )
-            return Rings(self.vertices[sequence], *parts)
-        entries, start = row_entries(self.start, sequence)
-        corner, place = self.corner[entries], self.place[entries]
-        others = corners.vertices[corner[:, None], origin_first[place][:, 1:]]
-        return Rings(self.vertices[sequence], start, others, corners.shapes[corner, place])
+        entries = self.start, self.corner, self.place
+        parts = (corners.vertices, corners.shapes, ORIGIN_FIRST[corners.dimension])
+        return Rings(self.vertices[sequence], *backend.twin(rings)(sequence, *entries, *parts))
 
 
-def incidence_of(corners: Corners, vertices: np.ndarray, n_points: int, compiled: bool = False) -> Incidence:
+def incidence_of(
+    corners: Corners, vertices: np.ndarray, n_points: int, backend: Backend = NUMPY
+) -> Incidence:
     """The incidence of ``vertices`` ((m,) distinct point indices).
 
-    compiled: use compiled code; the result is the same.
+    backend: what computes; the result is the same.
     """
     number = np.full(n_points, -1, dtype=np.int32)
     number[vertices] = np.arange(len(vertices))
     members = number[corners.vertices]
-    if compiled:
-        from dvr_cli.mesh import rings_numba as fast
+    return Incidence(vertices.astype(np.int32), *backend.twin(incidence)(members, len(vertices)), members)
 
-        start, corner, place = fast.incidence(members, len(vertices))
-    else:
-        position, start = group(members.ravel(), len(vertices))
-        corner, place = np.divmod(position, members.shape[1])
-    return Incidence(vertices.astype(np.int32), start, corner, place, members)
+
+def incidence(members: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Offsets (n + 1,), and corner and place in it of each entry, by vertex 0..n-1; see ``Incidence``."""
+    position, start = group(members.ravel(), n)
+    return start, *np.divmod(position, members.shape[1])
+
+
+def rings(
+    sequence: np.ndarray,
+    start: np.ndarray,
+    corner: np.ndarray,
+    place: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
+    origin_first: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Offsets, other vertices and shapes of the rings of ``sequence``, one after the other; see ``Rings``.
+
+    start, corner, place: of an incidence; vertices, shapes: of its corners; origin_first: of their dimension.
+    """
+    entries, new_start = row_entries(start, sequence)
+    corner, place = corner[entries], place[entries]
+    others = vertices[corner[:, None], origin_first[place][:, 1:]]
+    return new_start, others, shapes[corner, place]

@@ -9,7 +9,7 @@ from dvr_cli.jit import compiled
 
 @compiled
 def incidence(members: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """As ``rings.incidence_of``: offsets, and corner and place in it of each entry, by vertex 0..n-1."""
+    """As ``rings.incidence``."""
     start = np.zeros(n + 1, dtype=np.int64)
     for c in range(len(members)):
         for k in range(members.shape[1]):
@@ -39,7 +39,7 @@ def rings(
     shapes: np.ndarray,
     origin_first: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """As ``Incidence.rings``: offsets, other vertices and shapes of the rings, one after the other."""
+    """As ``rings.rings``, of a sequence of all the vertices."""
     width = vertices.shape[1]
     new_start = np.zeros(len(sequence) + 1, dtype=np.int64)
     begin = np.empty(len(sequence), dtype=np.int64)

@@ -10,8 +10,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from dvr_cli.mesh.corners import Corners
-
 Components = Sequence[np.ndarray]
 
 _CHUNK = 1 << 16  # simplices evaluated at a time: bounds the memory on large meshes
@@ -46,19 +44,15 @@ def opposite_normal(ends: Sequence[Components]) -> list[np.ndarray]:
     return cross(a, subtract(ends[2], ends[0]))
 
 
-def corner_measures(points: np.ndarray, corners: Corners, compiled: bool = False) -> np.ndarray:
-    """Determinant of the edges of every corner (d! times its simplex's measure): (C,) float64.
+def determinants(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """Determinant of the edges of each simplex (d! times its measure): (n,) float64.
 
-    points: (N, d) coordinates. compiled: use compiled code; the result is the same.
+    points: (N, d) coordinates; vertices: (n, d+1).
     """
-    if compiled:
-        from dvr_cli.mesh.simplex_numba import determinants
-
-        return determinants(points, corners.vertices)
-    measure = np.empty(len(corners.vertices))
-    for chunk in chunks(len(measure)):
-        measure[chunk] = edges_and_determinant(points, corners.vertices[chunk])[1]
-    return measure
+    result = np.empty(len(vertices))
+    for chunk in chunks(len(result)):
+        result[chunk] = edges_and_determinant(points, vertices[chunk])[1]
+    return result
 
 
 def chunks(n: int) -> Iterator[slice]:

@@ -9,7 +9,7 @@ from dvr_cli.jit import compiled, inlined
 
 @compiled
 def determinants(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """As ``simplex.corner_measures``: determinant of the edges of each simplex (n, d+1)."""
+    """As ``simplex.determinants``."""
     result = np.empty(len(vertices))
     for i in range(len(vertices)):
         if vertices.shape[1] == 3:

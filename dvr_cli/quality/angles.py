@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.facets import FACETS
 from dvr_cli.mesh.mesh import Cells
 from dvr_cli.mesh.simplex import Components, chunks, cross, dot, subtract
@@ -13,19 +14,19 @@ from dvr_cli.mesh.simplex import Components, chunks, cross, dot, subtract
 _NEAR = 1e-9  # cosines this near to the extreme one are looked at exactly
 
 
-def extreme_angles(points: np.ndarray, blocks: list[Cells], compiled: bool = False) -> tuple[float, float]:
+def extreme_angles(points: np.ndarray, blocks: list[Cells], backend: Backend = NUMPY) -> tuple[float, float]:
     """Smallest and largest angle in degrees over all cells of the blocks, in [0, 360) and [0, 180] resp.
 
     points: (N, d). The interior angles of triangles and quadrilaterals, of volume cells the dihedral angles
     between their faces; a face with four vertices counts with its mean normal. An angle next to an edge or a
     face without extent is left out; (nan, nan) when nothing is left.
-    compiled: use compiled code, in a planar or volume mesh; the result is the same.
+    backend: what computes; the result is the same.
     """
     low, high = np.inf, -np.inf
     for block in blocks:
         candidates = block.vertices
-        if compiled and points.shape[1] == 3:
-            candidates = candidates[_with_extreme_cosines(points, block)]
+        if block.type not in ("triangle", "quad"):
+            candidates = candidates[_with_extreme_cosines(points, block, backend)]
         for chunk in chunks(len(candidates)):
             vertices = candidates[chunk]
             if block.type in ("triangle", "quad"):
@@ -55,14 +56,23 @@ def interior_angles(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     return np.where(onward.any(axis=-1) & back.any(axis=-1), angle, np.nan)
 
 
-def _with_extreme_cosines(points: np.ndarray, block: Cells) -> np.ndarray:
+def _with_extreme_cosines(points: np.ndarray, block: Cells, backend: Backend) -> np.ndarray:
     """(n,) bool: the few cells of a block that may have its smallest or largest dihedral angle."""
-    from dvr_cli.quality.angles_numba import with_extreme_cosines
-
     faces = FACETS[block.type]
     padded = np.array([[*face, face[-1]][:4] for face in faces])
     pairs = np.array([(i, j) for i in range(len(faces)) for j in range(i) if _neighbours(faces[i], faces[j])])
-    return with_extreme_cosines(points, block.vertices, padded, pairs, _NEAR)
+    return backend.twin(with_extreme_cosines)(points, block.vertices, padded, pairs, _NEAR)
+
+
+def with_extreme_cosines(
+    points: np.ndarray, vertices: np.ndarray, faces: np.ndarray, pairs: np.ndarray, near: float
+) -> np.ndarray:
+    """(n,) bool: cells among which are all with a cosine between faces as large or small as any; here all.
+
+    points: (N, 3); vertices: (n, k); faces: (F, 4) local vertices, of a triangle the last repeated; pairs:
+    (E, 2) of faces with a common edge; near: by how much less extreme cosines count, too.
+    """
+    return np.ones(len(vertices), dtype=bool)
 
 
 def _neighbours(face: tuple[int, ...], other: tuple[int, ...]) -> bool:

@@ -11,12 +11,7 @@ from dvr_cli.jit import compiled
 def with_extreme_cosines(
     points: np.ndarray, vertices: np.ndarray, faces: np.ndarray, pairs: np.ndarray, near: float
 ) -> np.ndarray:
-    """(n,) bool: the cells with a cosine between the normals of neighbouring faces as large or small as any.
-
-    All that come as near as ``near`` to these are among them, and few others. vertices: (n, k); faces: (F, 4)
-    local vertices, of a triangle the last repeated; pairs: (E, 2) of faces with a common edge. The normals
-    are those of ``angles``.
-    """
+    """As ``angles.with_extreme_cosines``: few other cells are among those it gives."""
     chosen = np.zeros(len(vertices), dtype=np.bool_)
     low, high = np.inf, -np.inf
     normal = np.empty((len(faces), 3))

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.corners import SHAPES, Corners
 from dvr_cli.mesh.simplex import Components, chunks, dot, edges_and_determinant
 
@@ -37,31 +38,35 @@ def mean_ratio(v: np.ndarray, s: np.ndarray, dimension: int) -> np.ndarray:
 
 
 def corner_qualities(
-    points: np.ndarray, corners: Corners, compiled: bool = False, inverted: np.ndarray | None = None
+    points: np.ndarray, corners: Corners, backend: Backend = NUMPY, inverted: np.ndarray | None = None
 ) -> np.ndarray:
     """Mean ratio of every corner: (C,) float64.
 
-    points: (N, d) coordinates. compiled: use compiled code, in a planar or volume mesh; the result is the
-    same. inverted: (C,) bool, for triangles in space ((N, 3)), which have no sign of their own: those that
-    are turned over.
+    points: (N, d) coordinates. backend: what computes; the result is the same. inverted: (C,) bool, for
+    triangles in space ((N, 3)), which have no sign of their own: those that are turned over.
     """
-    d = corners.dimension
-    table = SHAPES[d].norm
-    if compiled:
-        from dvr_cli.quality.mean_ratio_numba import corner_terms
-
-        # allocated here: NumPy is slow with the type of arrays that come from numba
-        v, s = np.empty(len(corners.vertices)), np.empty(len(corners.vertices))
-        corner_terms(points, corners.vertices, corners.shapes, table, v, s)
-        return mean_ratio(v, s, d)
-    quality = np.empty(len(corners.vertices))
-    for chunk in chunks(len(quality)):
-        edges, v = edges_and_determinant(points, corners.vertices[chunk])
-        s = weighted_norm(edges, table[corners.shapes[chunk, 0]].T)
-        quality[chunk] = mean_ratio(v, s, d)
+    # allocated here: NumPy is slow with the type of arrays that come from numba
+    v, s = np.empty(len(corners.vertices)), np.empty(len(corners.vertices))
+    terms = corner_terms if points.shape[1] > corners.dimension else backend.twin(corner_terms)
+    terms(points, corners.vertices, corners.shapes, SHAPES[corners.dimension].norm, v, s)
+    quality = mean_ratio(v, s, corners.dimension)
     if inverted is not None:
         quality[inverted] *= -1.0
     return quality
+
+
+def corner_terms(
+    points: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
+    norm: np.ndarray,
+    v: np.ndarray,
+    s: np.ndarray,
+) -> None:
+    """Fill ``v`` and ``s`` ((C,) each) with the terms of Q of the corners ``vertices`` (C, d+1)."""
+    for chunk in chunks(len(vertices)):
+        edges, v[chunk] = edges_and_determinant(points, vertices[chunk])
+        s[chunk] = weighted_norm(edges, norm[shapes[chunk, 0]].T)
 
 
 def turned_over(points: np.ndarray, corners: Corners, normals: np.ndarray) -> np.ndarray:

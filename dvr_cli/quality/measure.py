@@ -77,7 +77,7 @@ def measure(
     touched = moves[corners.vertices].any(axis=1)
     minima = ring_minima(by_corner, corners, len(points))[relaxed]
     order = np.lexsort((relaxed, minima))
-    low, high = extreme_angles(flat, domain.cells, domain.compiled)
+    low, high = extreme_angles(flat, domain.cells, domain.backend)
     counts, _ = np.histogram(np.clip(elements, 0.0, 1.0), bins=HISTOGRAM_BINS, range=(0.0, 1.0))
     return Quality(
         q1=float(minima.min()) if len(relaxed) else None,
@@ -109,7 +109,7 @@ def _by_corner(domain: Domain, flat: np.ndarray, inverted: np.ndarray | None) ->
     corners = domain.corners
     if domain.is_surface and inverted is None:
         inverted = turned_over(flat, corners, cell_normals(flat, corners))
-    return corner_qualities(flat, corners, domain.compiled, inverted)
+    return corner_qualities(flat, corners, domain.backend, inverted)
 
 
 def cell_field(mesh: Mesh, quality: Quality) -> list[np.ndarray]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.csr import group
@@ -50,47 +51,49 @@ def build_problem(
     points: np.ndarray,
     order: str = "coloured",
     seed: int = 0,
-    compiled: bool = False,
+    backend: Backend = NUMPY,
     freedom: Freedom | None = None,
 ) -> Problem:
     """The problem of relaxing the vertices ``relaxed`` (I_R, in this order) of a mesh with these corners.
 
-    points: (N, d); order: "coloured", "natural" or "shuffled", see ``schedule.batches``; compiled: use the
-    compiled set-up, which gives the same problem; freedom: how far they may move, by default anywhere.
+    points: (N, d); order: "coloured", "natural" or "shuffled", see ``schedule.batches``; backend: what
+    computes; freedom: how far they may move, by default anywhere.
     """
     n_points = len(points)
-    along_curve = morton_order(points)
+    curve = morton_order(points)
     number = np.empty(n_points, dtype=np.int32)
-    number[along_curve] = np.arange(n_points)
+    number[curve] = np.arange(n_points)
     moves = np.zeros(n_points, dtype=bool)
     moves[relaxed] = True
-    touched = _along_curve(corners, moves, number, compiled)
-    on_curve = moves[along_curve]
-    incidence = incidence_of(touched, np.flatnonzero(on_curve), n_points, compiled)
+    parts = backend.twin(along_curve)(corners.vertices, corners.shapes, moves, number)
+    touched = Corners(*parts, corners.first[:1])
+    on_curve = moves[curve]
+    incidence = incidence_of(touched, np.flatnonzero(on_curve), n_points, backend)
     natural = (np.cumsum(on_curve) - 1)[number[relaxed]]
-    parts = batches(incidence, order, seed, compiled, natural)
-    sequence = np.concatenate([np.empty(0, dtype=np.int64), *parts])
-    rings = incidence.rings(touched, sequence, compiled)
+    split = batches(incidence, order, seed, backend, natural)
+    sequence = np.concatenate([np.empty(0, dtype=np.int64), *split])
+    rings = incidence.rings(touched, sequence, backend)
     return Problem(
-        order=along_curve,
+        order=curve,
         rings=rings,
-        batch_start=np.concatenate([[0], np.cumsum([len(part) for part in parts], dtype=np.int64)]),
+        batch_start=np.concatenate([[0], np.cumsum([len(part) for part in split], dtype=np.int64)]),
         touched=touched,
         dimension=corners.dimension,
-        freedom=_of_rings(freedom, along_curve[rings.vertices]),
+        freedom=_of_rings(freedom, curve[rings.vertices]),
     )
 
 
-def _along_curve(corners: Corners, moves: np.ndarray, number: np.ndarray, compiled: bool) -> Corners:
-    """The corners with a vertex that moves, vertices renumbered, in the order of their smallest ones."""
-    if compiled:
-        from dvr_cli.relax.problem_numba import along_curve
+def along_curve(
+    vertices: np.ndarray, shapes: np.ndarray, moves: np.ndarray, number: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and shapes of the corners with a vertex that moves, in the order of their smallest vertex.
 
-        return Corners(*along_curve(corners.vertices, corners.shapes, moves, number), corners.first[:1])
-    touched = np.flatnonzero(moves[corners.vertices].any(axis=1))
-    vertices = number[corners.vertices[touched]]
-    order = group(vertices.min(axis=1), len(number))[0]
-    return Corners(vertices[order], corners.shapes[touched[order]], corners.first[:1])
+    vertices, shapes: of Corners; moves: (N,) bool; number: (N,) the vertices are renumbered so.
+    """
+    touched = np.flatnonzero(moves[vertices].any(axis=1))
+    renumbered = number[vertices[touched]]
+    order = group(renumbered.min(axis=1), len(number))[0]
+    return renumbered[order], shapes[touched[order]]
 
 
 def _of_rings(freedom: Freedom | None, vertices: np.ndarray) -> Freedom | None:

@@ -11,7 +11,7 @@ from dvr_cli.jit import compiled
 def along_curve(
     vertices: np.ndarray, shapes: np.ndarray, moves: np.ndarray, number: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and shapes of the corners with a vertex that moves; see ``problem._along_curve``."""
+    """As ``problem.along_curve``."""
     n, width = vertices.shape
     smallest = np.full(n, -1, dtype=np.int32)
     place = np.zeros(len(number) + 1, dtype=np.int64)

@@ -6,8 +6,11 @@ updating it at once gives what updating its vertices one after the other would.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
+from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.csr import group, row_entries
 from dvr_cli.mesh.hashing import mixed
 from dvr_cli.mesh.rings import Incidence
@@ -18,7 +21,11 @@ _COLOURS_AT_ONCE = 62  # colours looked at together, as the bits of a positive i
 
 
 def batches(
-    incidence: Incidence, order: str, seed: int, compiled: bool = False, natural: np.ndarray | None = None
+    incidence: Incidence,
+    order: str,
+    seed: int,
+    backend: Backend = NUMPY,
+    natural: np.ndarray | None = None,
 ) -> list[np.ndarray]:
     """The batches of one sweep: arrays of positions among the relaxed vertices, together each
     position once.
@@ -26,7 +33,7 @@ def batches(
     order: "natural" reproduces the one-by-one sequence of the paper's Algorithm 1; "shuffled" the same for a
     random order drawn from ``seed`` (paper section 5.1, Fig. 11); "coloured" takes greedy colours instead,
     which are far fewer and larger. Positions ascend within a batch.
-    compiled: use compiled code; the result is the same.
+    backend: what computes; the result is the same.
     natural: (m,) the positions in the order of I_R; by default 0, 1, ...
     """
     m = len(incidence.start) - 1
@@ -38,16 +45,10 @@ def batches(
         sequence = natural[generator.permutation(m)]
     else:
         sequence = _scattered(m)
-    if compiled:
-        from dvr_cli.relax import schedule_numba as fast
-
-        visit = fast.colours if order == "coloured" else fast.levels
-        label = visit(incidence.start, incidence.corner, incidence.members, sequence)
-        positions, start = group(label, int(label.max(initial=-1)) + 1)
-        return np.split(positions, start[1:-1]) if m else []
-    neighbours = incidence.members[incidence.corner]  # with repetitions and the vertex itself: no harm below
-    levels = _levels(incidence.start, neighbours, sequence)
-    return _colours(incidence.start, neighbours, levels) if order == "coloured" else levels
+    visit = backend.twin(colours if order == "coloured" else levels)
+    label = visit(incidence.start, incidence.corner, incidence.members, sequence)
+    positions, start = group(label, int(label.max(initial=-1)) + 1)
+    return np.split(positions, start[1:-1]) if m else []
 
 
 def _scattered(m: int) -> np.ndarray:
@@ -59,11 +60,19 @@ def _scattered(m: int) -> np.ndarray:
     return np.argsort((mixed(np.arange(m, dtype=np.uint64)) >> np.uint64(60)).astype(np.uint8), kind="stable")
 
 
-def _levels(start: np.ndarray, neighbours: np.ndarray, sequence: np.ndarray) -> list[np.ndarray]:
-    """Level sets of the dependency graph: a vertex comes after all its neighbours earlier in ``sequence``.
+def levels(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence: np.ndarray) -> np.ndarray:
+    """(m,) the level of each vertex: one more than the highest of its neighbours earlier in ``sequence``.
 
-    start, neighbours: rows of (R, d+1) neighbour numbers, -1 for vertices that are not relaxed.
+    start, corner, members: of an Incidence. Vertices of one level depend on lower ones only.
     """
+    level = np.full(len(sequence), -1)
+    for number, ready in enumerate(_level_sets(start, members[corner], sequence)):
+        level[ready] = number
+    return level
+
+
+def _level_sets(start: np.ndarray, neighbours: np.ndarray, sequence: np.ndarray) -> Iterator[np.ndarray]:
+    """The vertices of each level; neighbours: rows of (R, d+1), -1 for vertices that are not relaxed."""
     m = len(sequence)
     rank = np.empty(m, dtype=np.int64)
     rank[sequence] = np.arange(m)
@@ -71,36 +80,35 @@ def _levels(start: np.ndarray, neighbours: np.ndarray, sequence: np.ndarray) -> 
     padded_rank = np.append(rank, m)  # the number -1 looks up the last entry: later than all
     before = padded_rank[neighbours] < rank[own][:, None]
     waiting = np.bincount(np.repeat(own, before.sum(axis=1)), minlength=m)
-    levels = []
     ready = np.flatnonzero(waiting == 0)
     while len(ready):
-        levels.append(ready)
+        yield ready
         entries, _ = row_entries(start, ready)
         after = neighbours[entries][~before[entries]]
         after = after[after >= 0]
         np.subtract.at(waiting, after, 1)
         ready = np.unique(after[waiting[after] == 0])
-    return levels
 
 
-def _colours(start: np.ndarray, neighbours: np.ndarray, levels: list[np.ndarray]) -> list[np.ndarray]:
-    """Greedy colouring: each vertex takes the first colour that no neighbour in an earlier level has."""
+def colours(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence: np.ndarray) -> np.ndarray:
+    """(m,) greedy colours: the first that no neighbour earlier in ``sequence`` has; see ``levels``."""
     m = len(start) - 1
+    neighbours = members[corner]  # with repetitions and the vertex itself: no harm below
     colour = np.full(m + 1, -1)  # the last entry stands for neighbours that are not relaxed
-    for members in levels:
-        entries, begin = row_entries(start, members)
+    for ready in _level_sets(start, neighbours, sequence):
+        entries, begin = row_entries(start, ready)
         taken = colour[neighbours[entries]]
-        row = np.repeat(np.arange(len(members)), np.diff(begin))
-        pending, base = np.arange(len(members)), 0
+        row = np.repeat(np.arange(len(ready)), np.diff(begin))
+        pending, base = np.arange(len(ready)), 0
         while len(pending):
             shift = taken - base
             here = (shift >= 0) & (shift < _COLOURS_AT_ONCE)
             bits = np.bitwise_or.reduce(np.where(here, 1 << np.where(here, shift, 0), 0), axis=1)
-            used = np.zeros(len(members), dtype=np.int64)
+            used = np.zeros(len(ready), dtype=np.int64)
             np.bitwise_or.at(used, row, bits)
             free = ~used & (used + 1)  # the lowest bit that is not set
             found = pending[free[pending] < 1 << _COLOURS_AT_ONCE]
-            colour[members[found]] = base + np.frexp(free[found])[1] - 1
-            pending = pending[colour[members[pending]] < 0]
+            colour[ready[found]] = base + np.frexp(free[found])[1] - 1
+            pending = pending[colour[ready[pending]] < 0]
             base += _COLOURS_AT_ONCE
-    return [np.flatnonzero(colour[:-1] == c) for c in range(colour.max() + 1)]
+    return colour[:-1]

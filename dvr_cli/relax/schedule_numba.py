@@ -9,7 +9,7 @@ from dvr_cli.jit import compiled
 
 @compiled
 def levels(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence: np.ndarray) -> np.ndarray:
-    """(m,) number of each vertex's level: one more than the highest of its neighbours earlier in sequence."""
+    """As ``schedule.levels``."""
     level = np.full(len(sequence), -1)
     for vertex in sequence:
         highest = -1
@@ -23,7 +23,7 @@ def levels(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence:
 
 @compiled
 def colours(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence: np.ndarray) -> np.ndarray:
-    """(m,) first colour that no neighbour earlier in sequence has."""
+    """As ``schedule.colours``."""
     m = len(sequence)
     colour = np.full(m, -1, dtype=np.int32)
     bit = np.zeros(m + 1, dtype=np.uint64)  # of the colours below 64; the number -1 looks up the last entry

@@ -13,6 +13,7 @@ from dvr_cli.errors import InputError, UsageError
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.measure import measure
+from dvr_cli.relax.engines.choice import EngineKind
 from meshes import KINDS, hexagon, random_mesh
 from needs import require
 
@@ -139,26 +140,27 @@ def test_nothing_is_set_up_again(monkeypatch):
     mesh = random_mesh("tetra", 1)
     calls = []
 
-    def counted(name):
-        original = getattr(relaxer_module, name)
+    def counted(owner, name):
+        original = getattr(owner, name)
 
         def call(*arguments, **keywords):
             calls.append(name)
             return original(*arguments, **keywords)
 
-        monkeypatch.setattr(relaxer_module, name, call)
+        monkeypatch.setattr(owner, name, call)
 
-    for name in ("domain_of", "build_problem", "make_engine"):
-        counted(name)
+    counted(relaxer_module, "domain_of")
+    counted(relaxer_module, "build_problem")
+    counted(EngineKind, "make")
     relaxer = dvr_cli.Relaxer(mesh.points, pairs(mesh), max_iterations=2)
     for factor in (1.0, 1.1, 1.2):
         relaxer.relax(stretched(mesh, factor))
-    assert calls == ["domain_of", "build_problem", "make_engine"]
+    assert calls == ["domain_of", "build_problem", "make"]
     far = np.zeros_like(mesh.points)
     far[0] = -0.1
     for _ in range(3):
         relaxer.relax(displacement=far, near=1)
-    assert calls == ["domain_of", "build_problem", "make_engine", "build_problem", "make_engine"]
+    assert calls == ["domain_of", "build_problem", "make", "build_problem", "make"]
 
 
 def test_what_the_caller_does_to_its_arrays_does_not_matter():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dvr_cli.backend import COMPILED, NUMPY
 from dvr_cli.boundary.constraints import constraints_of
 from dvr_cli.boundary.features import features_of
 from dvr_cli.mesh.domain import domain_of
@@ -299,7 +300,7 @@ def test_compiled_set_up_finds_the_same(kind):
     mesh = random_mesh(kind, 2)
     rng = np.random.default_rng(0)
     mesh.cell_data["material"] = [rng.integers(0, 2, len(block.vertices)) for block in mesh.cells]
-    one, other = (constraints_of(mesh, domain_of(mesh, compiled=compiled)) for compiled in (False, True))
+    one, other = (constraints_of(mesh, domain_of(mesh, backend=backend)) for backend in (NUMPY, COMPILED))
     for name in ("facets", "label", "two_sided", "lines", "line_label", "fixed"):
         assert np.array_equal(getattr(one, name), getattr(other, name)), name
 

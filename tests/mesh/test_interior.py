@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dvr_cli.backend import COMPILED, NUMPY
 from dvr_cli.mesh.facets import FACETS
 from dvr_cli.mesh.interior import enclosed
 from dvr_cli.mesh.mesh import Cells
@@ -30,31 +31,31 @@ def counted(blocks, region, n_points):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("regions", [1, 2])
-@pytest.mark.parametrize("compiled", [False, True])
-def test_every_element_type(kind, regions, compiled):
-    if compiled:
+@pytest.mark.parametrize("backend", [NUMPY, COMPILED])
+def test_every_element_type(kind, regions, backend):
+    if backend is COMPILED:
         require("numba")
     mesh = random_mesh(kind, 2, n=4)
     n = sum(len(block.vertices) for block in mesh.cells)
     region = np.arange(n) * regions // n
     expected = counted(mesh.cells, region, len(mesh.points))
-    assert enclosed(mesh.cells, region, len(mesh.points), compiled).tolist() == expected
+    assert enclosed(mesh.cells, region, len(mesh.points), backend).tolist() == expected
     assert any(expected)
 
 
-@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("backend", [NUMPY, COMPILED])
 @given(
     st.integers(0, 2**32), st.integers(1, 3), st.sampled_from([("triangle", 3), ("tetra", 4), ("quad", 4)])
 )
-def test_any_cells_whatever(compiled, seed, regions, kind):
-    if compiled:
+def test_any_cells_whatever(backend, seed, regions, kind):
+    if backend is COMPILED:
         require("numba")
     name, width = kind
     rng = np.random.default_rng(seed)
     cells = np.array([rng.permutation(6)[:width] for _ in range(rng.integers(1, 30))])
     region = rng.integers(0, regions, len(cells))
     blocks = [Cells(name, cells)]
-    assert enclosed(blocks, region, 8, compiled).tolist() == counted(blocks, region, 8)
+    assert enclosed(blocks, region, 8, backend).tolist() == counted(blocks, region, 8)
 
 
 def test_large_meshes_are_cut_and_put_together():

@@ -5,6 +5,7 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 
+from dvr_cli.backend import COMPILED, NUMPY
 from dvr_cli.mesh.corners import corners_of
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells
@@ -116,7 +117,7 @@ def test_positions_ascend_within_a_batch(name, order):
 def test_the_compiled_schedule_is_the_same(name, order):
     require("numba")
     incidence = PROBLEMS[name]
-    plain, compiled = (batches(incidence, order, 5, compiled) for compiled in (False, True))
+    plain, compiled = (batches(incidence, order, 5, backend) for backend in (NUMPY, COMPILED))
     assert [part.tolist() for part in compiled] == [part.tolist() for part in plain]
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
+from importlib import import_module
 from importlib.util import find_spec
 
+from dvr_cli.backend import COMPILED, NUMPY, Backend
 from dvr_cli.errors import UsageError
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import Problem
-
-ENGINES = ("auto", "numpy", "numba")
 
 # Loading numba and its cached kernels takes as long as this many vertex updates of the NumPy engine
 # (benchmarks/engines.py); runs converge in some twenty sweeps.
@@ -18,25 +19,70 @@ _USUAL_SWEEPS = 20
 _PATCHES = 650  # sweeps of NumPy that patches cost as much as
 
 
+@dataclass(frozen=True)
+class EngineKind:
+    """An engine that can be had.
+
+    backend: what computes in it. maker: its class, as module and name. package: what has to be installed
+    beside the package's own requirements, None for nothing. threaded: whether it uses several threads.
+    """
+
+    backend: Backend
+    maker: tuple[str, str]
+    package: str | None = None
+    threaded: bool = False
+
+    @property
+    def name(self) -> str:
+        """As ``--engine`` takes it."""
+        return self.backend.name
+
+    @property
+    def is_installed(self) -> bool:
+        """Whether what it needs is there."""
+        return self.package is None or find_spec(self.package) is not None
+
+    def threads(self, asked: int | None) -> int:
+        """The number of threads it uses when ``asked`` are wanted; see ``checked_threads``."""
+        return checked_threads(asked) if self.threaded else 1
+
+    def make(self, problem: Problem, threads: int | None) -> Engine:
+        """The engine for a problem; threads: at most, None for all cores."""
+        module, name = self.maker
+        return getattr(import_module(module), name)(problem, self.threads(threads))
+
+
+_FOLDER = "dvr_cli.relax.engines."
+KINDS = {
+    kind.name: kind
+    for kind in (
+        EngineKind(NUMPY, (_FOLDER + "numpy_engine", "NumpyEngine")),
+        EngineKind(COMPILED, (_FOLDER + "numba_engine", "NumbaEngine"), package="numba", threaded=True),
+    )
+}
+ENGINES = ("auto", *KINDS)
+
+
 def has_numba() -> bool:
     """Whether the compiled engine is installed."""
-    return find_spec("numba") is not None
+    return KINDS[COMPILED.name].is_installed
 
 
-def chosen_engine(name: str, vertices: int, max_iterations: int, patches: bool = False) -> str:
-    """The engine called ``name``, "auto" being the faster of "numpy" and "numba" for the work ahead.
+def chosen_engine(name: str, vertices: int, max_iterations: int, patches: bool = False) -> EngineKind:
+    """The engine called ``name``, "auto" being the fastest for the work ahead.
 
     vertices: how many the mesh has. patches: whether patches are to be relaxed as well. Raises UsageError for
     an engine that is unknown or not installed.
     """
     if name not in ENGINES:
         raise UsageError(f"engine: unknown {name!r}; known: {', '.join(ENGINES)}")
-    if name == "numba" and not has_numba():
-        raise UsageError("engine numba: numba is not installed (pip install 'dvr-cli[fast]')")
-    if name != "auto":
-        return name
-    work = vertices * (min(max_iterations, _USUAL_SWEEPS) + (_PATCHES if patches else 0))
-    return "numba" if work > _REPAYS and has_numba() else "numpy"
+    if name == "auto":
+        work = vertices * (min(max_iterations, _USUAL_SWEEPS) + (_PATCHES if patches else 0))
+        return KINDS[(COMPILED if work > _REPAYS and has_numba() else NUMPY).name]
+    if not KINDS[name].is_installed:
+        package = KINDS[name].package
+        raise UsageError(f"engine {name}: {package} is not installed (pip install 'dvr-cli[fast]')")
+    return KINDS[name]
 
 
 def checked_threads(threads: int | None) -> int:
@@ -46,14 +92,3 @@ def checked_threads(threads: int | None) -> int:
     if threads < 1:
         raise UsageError("threads: must be at least 1")
     return threads
-
-
-def make_engine(name: str, problem: Problem, threads: int) -> Engine:
-    """The engine ``name`` ("numpy" or "numba") for a problem; the NumPy engine uses one thread."""
-    if name == "numba":
-        from dvr_cli.relax.engines.numba_engine import NumbaEngine
-
-        return NumbaEngine(problem, threads)
-    from dvr_cli.relax.engines.numpy_engine import NumpyEngine
-
-    return NumpyEngine(problem)

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
+from dvr_cli.backend import Backend
 from dvr_cli.mesh.corners import Corners
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.problem import Problem
@@ -15,8 +16,13 @@ from dvr_cli.relax.steepest import Ascent
 class Engine(ABC):
     """The code that updates all vertices of a batch; engines differ in speed, never in result."""
 
-    name: str
+    backend: Backend
     threads = 1
+
+    @property
+    def name(self) -> str:
+        """Its name, as ``--engine`` takes it."""
+        return self.backend.name
 
     def __init__(self, problem: Problem) -> None:
         """problem: what to relax; the coordinates are those last given to ``load``."""

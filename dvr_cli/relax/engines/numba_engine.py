@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dvr_cli.backend import COMPILED
 from dvr_cli.mesh.corners import SHAPES
 from dvr_cli.quality.badness_numba import worst_corner
 from dvr_cli.relax.columns_numba import ROWS, WIDTH
@@ -25,7 +26,7 @@ _SHARES = 4  # parts a thread gets on average: who is slowed down by other work 
 class NumbaEngine(Engine):
     """Gives each thread a part of the batch; vertices of a batch are independent, so parts are too."""
 
-    name = "numba"
+    backend = COMPILED
 
     def __init__(self, problem: Problem, threads: int = 1) -> None:
         """threads: how many to use at most; the result does not depend on it."""

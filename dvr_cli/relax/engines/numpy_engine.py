@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from dvr_cli.backend import NUMPY
 from dvr_cli.mesh.corners import SHAPES
 from dvr_cli.mesh.simplex import Components, dot, opposite_normal, subtract
 from dvr_cli.quality.badness import badness, worst_corner
@@ -22,9 +23,10 @@ from dvr_cli.relax.steepest import steepest
 class NumpyEngine(Engine):
     """Keeps coordinates by component, and each batch cut into chunks once and for all."""
 
-    name = "numpy"
+    backend = NUMPY
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, threads: int = 1) -> None:
+        """threads: one is used, whatever is asked for."""
         super().__init__(problem)
         self._dimension = problem.dimension
         self._coordinates = np.empty((problem.dimension, 0))

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.csr import row_entries
 from dvr_cli.mesh.rings import incidence_of
 from dvr_cli.relax.problem import Problem
 
 ROUND = 32  # patches at most
-
-# seeds, freed_start, freed by number, corner_start, corners; see ``Patches``
-_Parts = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -47,11 +45,11 @@ class Patches:
 class Neighbourhoods:
     """Which relaxed vertices and touched corners surround a corner."""
 
-    def __init__(self, problem: Problem, compiled: bool) -> None:
-        """problem: whose touched corners are meant. compiled: use compiled code; the result is the same."""
-        self._compiled = compiled
+    def __init__(self, problem: Problem, backend: Backend = NUMPY) -> None:
+        """problem: whose touched corners are meant. backend: what computes; the result is the same."""
+        self._backend = backend
         self._touched, self._vertices = problem.touched, problem.rings.vertices
-        incidence = incidence_of(self._touched, self._vertices, len(problem.order), compiled)
+        incidence = incidence_of(self._touched, self._vertices, len(problem.order), backend)
         self._relaxed = incidence.members  # (C, d+1) relaxed vertices by number, or -1
         self._start, self._incident = incidence.start, incidence.corner
 
@@ -60,12 +58,7 @@ class Neighbourhoods:
 
         layers: (C,) how many to free around each touched corner, beside its own vertices.
         """
-        if self._compiled:
-            from dvr_cli.relax.patches.neighbourhoods_numba import choose
-
-            parts = choose(seeds, layers, ROUND, self._relaxed, self._start, self._incident)
-        else:
-            parts = self._choose(seeds, layers)
+        parts = self._backend.twin(choose)(seeds, layers, ROUND, self._relaxed, self._start, self._incident)
         chosen, freed_start, freed, corner_start, corners = parts
         return Patches(
             seeds=chosen,
@@ -77,25 +70,38 @@ class Neighbourhoods:
             shapes=self._touched.shapes[corners, 0],
         )
 
-    def _choose(self, seeds: np.ndarray, layers: np.ndarray) -> _Parts:
-        claimed = np.zeros(len(self._relaxed), dtype=bool)
-        chosen: list[int] = []
-        freed, corners = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
-        for seed in seeds.tolist():
-            if claimed[seed]:
-                continue
-            around = np.array([seed])
-            for _ in range(layers[seed] + 1):
-                inside = self._relaxed[around]
-                vertices = np.unique(inside[inside >= 0])
-                around = np.unique(self._incident[row_entries(self._start, vertices)[0]])
-            if claimed[around].any():
-                continue
-            claimed[around] = True
-            chosen.append(seed)
-            freed.append(vertices)
-            corners.append(around)
-            if len(chosen) == ROUND:
-                break
-        starts = [np.cumsum([len(part) for part in parts]) for parts in (freed, corners)]
-        return np.array(chosen), starts[0], np.concatenate(freed), starts[1], np.concatenate(corners)
+
+def choose(
+    seeds: np.ndarray,
+    layers: np.ndarray,
+    most: int,
+    relaxed: np.ndarray,
+    start: np.ndarray,
+    incident: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Seeds, offsets and freed vertices by number, offsets and corners of the patches; see ``Patches``.
+
+    seeds, layers: as for ``Neighbourhoods.choose``; most: how many patches; relaxed: (C, d+1) relaxed
+    vertices of each corner by number, or -1; start, incident: the corners of each.
+    """
+    claimed = np.zeros(len(relaxed), dtype=bool)
+    chosen: list[int] = []
+    freed, corners = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+    for seed in seeds.tolist():
+        if claimed[seed]:
+            continue
+        around = np.array([seed])
+        for _ in range(layers[seed] + 1):
+            inside = relaxed[around]
+            vertices = np.unique(inside[inside >= 0])
+            around = np.unique(incident[row_entries(start, vertices)[0]])
+        if claimed[around].any():
+            continue
+        claimed[around] = True
+        chosen.append(seed)
+        freed.append(vertices)
+        corners.append(around)
+        if len(chosen) == most:
+            break
+    starts = [np.cumsum([len(part) for part in parts]) for parts in (freed, corners)]
+    return np.array(chosen), starts[0], np.concatenate(freed), starts[1], np.concatenate(corners)

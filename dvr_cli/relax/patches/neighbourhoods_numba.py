@@ -16,11 +16,7 @@ def choose(
     start: np.ndarray,
     incident: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """See ``Neighbourhoods``: seeds, offsets and freed vertices by number, offsets and corners.
-
-    most: how many patches; relaxed: (C, d+1) relaxed vertices of each corner by number, or -1; start,
-    incident: the corners of each.
-    """
+    """As ``neighbourhoods.choose``."""
     claimed = np.zeros(len(relaxed), dtype=np.bool_)
     seen_vertex = np.full(len(start), -1, dtype=np.int32)  # the seed, by position, that last found it
     seen_corner = np.full(len(relaxed), -1, dtype=np.int32)

@@ -25,6 +25,7 @@ from dvr_cli.mesh.corners import SHAPES, Corners
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.patches.neighbourhoods import ROUND, Neighbourhoods, Patches
+from dvr_cli.relax.patches.solver import solve_patch
 from dvr_cli.relax.problem import Problem
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.relax.sweeps import Relaxation, Sweep, cut_short
@@ -51,16 +52,15 @@ def relax_patches(
     if not len(problem.relaxed):
         return Relaxation(engine.points, [], "nothing-to-relax")
     state = _State(problem, engine.coordinates)
-    compiled = engine.name == "numba"
-    neighbourhoods = Neighbourhoods(problem, compiled)
-    solve_patch = _solver(compiled)
+    neighbourhoods = Neighbourhoods(problem, engine.backend)
+    solve = engine.backend.twin(solve_patch)
     rounds: list[Sweep] = []
 
-    def solve(patches: Patches, patch: int) -> tuple[float, float]:
+    def solved(patches: Patches, patch: int) -> tuple[float, float]:
         """Largest badness of a patch before and after; the same if it is time to stop."""
         if cut_short(begin, stopping, interrupted):
             return 1.0, 1.0
-        return solve_patch(state.points, *patches.of(patch), state.slot, *state.rules)
+        return solve(state.points, *patches.of(patch), state.slot, *state.rules)
 
     with ThreadPoolExecutor(engine.threads) as pool:
         each = pool.map if engine.threads > 1 else map
@@ -71,24 +71,13 @@ def relax_patches(
             start = time.perf_counter()
             patches = neighbourhoods.choose(state.worst(), state.layers)
             state.enter(patches)
-            results = each(partial(solve, patches), range(len(patches)))
+            results = each(partial(solved, patches), range(len(patches)))
             moved = state.leave(patches, np.array(list(results)))
             number, seconds = done + len(rounds) + 1, time.perf_counter() - start
             rounds.append(Sweep(number, "patches", state.q1, moved, seconds))
             if on_sweep is not None:
                 on_sweep(rounds[-1])
     return Relaxation(engine.points, rounds, reason)
-
-
-def _solver(compiled: bool) -> Callable[..., tuple[float, float]]:
-    """``solve_patch`` of the compiled or of the NumPy code."""
-    if compiled:
-        from dvr_cli.relax.patches import solver_numba
-
-        return solver_numba.solve_patch
-    from dvr_cli.relax.patches import solver
-
-    return solver.solve_patch
 
 
 class _State:

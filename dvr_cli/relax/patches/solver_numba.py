@@ -27,30 +27,30 @@ from dvr_cli.relax.patches.solver import (
 def solve_patch(
     points: np.ndarray,
     moving: np.ndarray,
-    corners: np.ndarray,
-    kinds: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
     slot: np.ndarray,
     norm: np.ndarray,
     dimension: np.ndarray,
     axis: np.ndarray,
 ) -> tuple[float, float]:
-    """See ``solver.solve_patch``; corners: the vertices of each, kinds: their rows of ``norm``."""
+    """As ``solver.solve_patch``."""
     d = points.shape[1]
-    bad, power, start = np.empty(len(corners)), np.empty(len(corners)), np.empty(len(moving) * d)
+    bad, power, start = np.empty(len(vertices)), np.empty(len(vertices)), np.empty(len(moving) * d)
     _take(points, moving, start)
-    before = _badnesses(points, corners, kinds, norm, bad)
+    before = _badnesses(points, vertices, shapes, norm, bad)
     if before == np.inf:
         return before, before
-    size = _size(points, corners)
+    size = _size(points, vertices)
     for squarings in SQUARINGS[d - 2]:
-        _minimise(points, moving, corners, kinds, slot, norm, dimension, axis, squarings, size, bad, power)
+        _minimise(points, moving, vertices, shapes, slot, norm, dimension, axis, squarings, size, bad, power)
     moved = np.empty(len(start))
     _take(points, moving, moved)
     moved -= start
     _restrict(moved, moving, dimension, axis)
     _restrict(moved, moving, dimension, axis)
     _put(points, moving, start + moved)
-    after = _badnesses(points, corners, kinds, norm, bad)
+    after = _badnesses(points, vertices, shapes, norm, bad)
     if improves(before, after, d):
         return before, after
     _put(points, moving, start)
@@ -61,8 +61,8 @@ def solve_patch(
 def _minimise(
     points: np.ndarray,
     moving: np.ndarray,
-    corners: np.ndarray,
-    kinds: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
     slot: np.ndarray,
     norm: np.ndarray,
     dimension: np.ndarray,
@@ -81,9 +81,9 @@ def _minimise(
     x, reached, direction, g, new = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     kept = 0
     _take(points, moving, x)
-    reference = _badnesses(points, corners, kinds, norm, bad)
+    reference = _badnesses(points, vertices, shapes, norm, bad)
     f, total = _norm(bad, reference, squarings, power)
-    _gradient(points, moving, corners, kinds, norm, slot, dimension, axis, power, f, total, g)
+    _gradient(points, moving, vertices, shapes, norm, slot, dimension, axis, power, f, total, g)
     for _ in range(ITERATIONS):
         _descent(g, steps, changes, curvature, factor, kept, d, direction)
         slope = _dot(g, direction, d)
@@ -100,7 +100,7 @@ def _minimise(
             for i in range(n):
                 reached[i] = x[i] + step * direction[i]
             _put(points, moving, reached)
-            _badnesses(points, corners, kinds, norm, bad)
+            _badnesses(points, vertices, shapes, norm, bad)
             trial, total = _norm(bad, reference, squarings, power)
             falls = trial <= f + DECREASE * step * slope
             if falls:
@@ -109,7 +109,7 @@ def _minimise(
         if not falls:
             _put(points, moving, x)
             return
-        _gradient(points, moving, corners, kinds, norm, slot, dimension, axis, power, trial, total, new)
+        _gradient(points, moving, vertices, shapes, norm, slot, dimension, axis, power, trial, total, new)
         row = kept % rows
         for i in range(n):
             steps[row, i] = reached[i] - x[i]
@@ -206,27 +206,27 @@ def _restrict(g: np.ndarray, moving: np.ndarray, dimension: np.ndarray, axis: np
 
 
 @compiled
-def _size(points: np.ndarray, corners: np.ndarray) -> float:
+def _size(points: np.ndarray, vertices: np.ndarray) -> float:
     """The mean edge length, see ``PatchEnergy``."""
     total = 0.0
-    for c in range(len(corners)):
+    for c in range(len(vertices)):
         square = 0.0
         for j in range(points.shape[1]):
-            edge = points[corners[c, 1], j] - points[corners[c, 0], j]
+            edge = points[vertices[c, 1], j] - points[vertices[c, 0], j]
             square = square + edge * edge
         total += np.sqrt(square)
-    return total / len(corners)
+    return total / len(vertices)
 
 
 @compiled
 def _badnesses(
-    points: np.ndarray, corners: np.ndarray, kinds: np.ndarray, norm: np.ndarray, bad: np.ndarray
+    points: np.ndarray, vertices: np.ndarray, shapes: np.ndarray, norm: np.ndarray, bad: np.ndarray
 ) -> float:
     """Fill ``bad`` with the badness of each corner, infinite where it is not positive; the largest."""
     largest = 0.0
     if points.shape[1] == 2:
-        for c in range(len(corners)):
-            o, p, q, k = corners[c, 0], corners[c, 1], corners[c, 2], kinds[c]
+        for c in range(len(vertices)):
+            o, p, q, k = vertices[c, 0], vertices[c, 1], vertices[c, 2], shapes[c]
             e0, e1 = points[p, 0] - points[o, 0], points[p, 1] - points[o, 1]
             f0, f1 = points[q, 0] - points[o, 0], points[q, 1] - points[o, 1]
             v = e0 * (points[q, 1] - points[p, 1]) + e1 * -(points[q, 0] - points[p, 0])
@@ -236,8 +236,8 @@ def _badnesses(
             bad[c] = badness(v, s, 2)
             largest = max(largest, bad[c])
         return largest
-    for c in range(len(corners)):
-        o, p, q, r, k = corners[c, 0], corners[c, 1], corners[c, 2], corners[c, 3], kinds[c]
+    for c in range(len(vertices)):
+        o, p, q, r, k = vertices[c, 0], vertices[c, 1], vertices[c, 2], vertices[c, 3], shapes[c]
         x0, x1, x2 = points[o, 0], points[o, 1], points[o, 2]
         p0, p1, p2 = points[p, 0], points[p, 1], points[p, 2]
         q0, q1, q2 = points[q, 0], points[q, 1], points[q, 2]
@@ -280,8 +280,8 @@ def _norm(bad: np.ndarray, reference: float, squarings: int, power: np.ndarray) 
 def _gradient(
     points: np.ndarray,
     moving: np.ndarray,
-    corners: np.ndarray,
-    kinds: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
     norm: np.ndarray,
     slot: np.ndarray,
     dimension: np.ndarray,
@@ -297,15 +297,15 @@ def _gradient(
     e = np.empty((d, d))
     along = np.empty((d, d))
     normal = np.empty((d, d))
-    for c in range(len(corners)):
+    for c in range(len(vertices)):
         weight = power[c] / total
         if weight < NEGLIGIBLE:
             continue
         weight = weight * f
-        k = kinds[c]
+        k = shapes[c]
         for j in range(d):
             for i in range(d):
-                e[j, i] = points[corners[c, j + 1], i] - points[corners[c, 0], i]
+                e[j, i] = points[vertices[c, j + 1], i] - points[vertices[c, 0], i]
         if d == 2:
             normal[0, 0], normal[0, 1] = e[1, 1], -e[1, 0]
             normal[1, 0], normal[1, 1] = -e[0, 1], e[0, 0]
@@ -332,9 +332,9 @@ def _gradient(
         to_s, to_v = 2.0 * weight / s, weight / v
         if d == 3:
             to_s, to_v = 3.0 * to_s, 2.0 * to_v
-        own = slot[corners[c, 0]]
+        own = slot[vertices[c, 0]]
         for j in range(d):
-            other = slot[corners[c, j + 1]]
+            other = slot[vertices[c, j + 1]]
             for i in range(d):
                 part = to_s * along[j, i] - to_v * normal[j, i]
                 if other >= 0:

@@ -1,0 +1,36 @@
+"""Backends: where the functions that stand twice are taken from, NumPy or compiled.
+
+What an engine computes stands in a module X in NumPy, and compiled in X_numba beside it, under the same name,
+with the same arguments and bit for bit the same result. Code that is the same for both asks a backend for
+the one of the twins that it should call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, TypeVar
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class Backend:
+    """One way to compute.
+
+    name: as engines are called. suffix: what the names of its modules have behind those in NumPy.
+    """
+
+    name: str
+    suffix: str
+
+    def twin(self, function: _Function) -> _Function:
+        """The function of this backend that does what ``function``, given in NumPy, does."""
+        if not self.suffix:
+            return function
+        return getattr(import_module(function.__module__ + self.suffix), function.__name__)
+
+
+NUMPY = Backend("numpy", "")
+COMPILED = Backend("numba", "_numba")

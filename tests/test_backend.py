@@ -1,0 +1,41 @@
+"""Twins: what is compiled stands in NumPy, too, under the same name and with the same arguments."""
+
+from __future__ import annotations
+
+import inspect
+
+import numpy as np
+import pytest
+
+from dvr_cli.backend import COMPILED, NUMPY
+from dvr_cli.mesh import facets, interior, rings, simplex
+from dvr_cli.quality import angles, mean_ratio
+from dvr_cli.relax import problem, schedule
+from dvr_cli.relax.patches import neighbourhoods, solver
+from needs import require
+
+TWINS = (
+    *(facets.facet_order, interior.cancel_facets, interior.cancel_facets_of_simplices),
+    *(rings.incidence, rings.rings, simplex.determinants),
+    *(angles.with_extreme_cosines, mean_ratio.corner_terms),
+    *(problem.along_curve, schedule.colours, schedule.levels, neighbourhoods.choose, solver.solve_patch),
+)
+
+
+@pytest.mark.parametrize("function", TWINS, ids=lambda function: function.__name__)
+def test_twins_have_the_same_name_and_arguments(function):
+    require("numba")
+    twin = COMPILED.twin(function)
+    assert NUMPY.twin(function) is function
+    assert twin.__module__ == function.__module__ + "_numba"
+    plain = getattr(twin, "py_func", twin)
+    assert list(inspect.signature(plain).parameters) == list(inspect.signature(function).parameters)
+
+
+def test_determinants_of_twins_agree_to_the_bit():
+    require("numba")
+    generator = np.random.default_rng(3)
+    points = generator.random((50, 3))
+    vertices = np.argsort(generator.random((200, 50)), axis=1)[:, :4].astype(np.int32)
+    plain = simplex.determinants(points, vertices)
+    assert COMPILED.twin(simplex.determinants)(points, vertices).tobytes() == plain.tobytes()
