@@ -24,6 +24,7 @@ LAYERS = [
     "quality",
     "mesh",
     "jit",
+    "backend",
     "errors",
 ]
 PACKAGE = "dvr_cli"  # the package itself: holds the version, and loads api on first use
