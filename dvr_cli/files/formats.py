@@ -107,7 +107,12 @@ REGISTRY = (
     Format("xdmf", (".xdmf", ".xmf")),
     Format("med", (".med",)),
     Format("cgns", (".cgns",)),
-    Format("exodus", (".e", ".exo", ".ex2")),
+    Format(
+        "exodus",
+        (".e", ".exo", ".ex2", ".exii", ".g", ".gen"),
+        re.compile(rb"CDF[\x01\x02\x05].*(num_nod|coord)|\x89HDF.*num_el_blk", re.DOTALL),
+        reader="exodus",
+    ),
     Format("h5m", (".h5m",)),
     Format("avsucd", (".avs",)),
     Format("dolfin-xml", (".xml",)),
