@@ -110,7 +110,7 @@ REGISTRY = (
     Format(
         "exodus",
         (".e", ".exo", ".ex2", ".exii", ".g", ".gen"),
-        re.compile(rb"CDF[\x01\x02\x05].*(num_nod|coord)|\x89HDF.*num_el_blk", re.DOTALL),
+        re.compile(rb"CDF[\x01\x02\x05].*(num_nod|coord)|\x89HDF.*api_version", re.DOTALL),
         reader="exodus",
     ),
     Format("h5m", (".h5m",)),

@@ -13,6 +13,9 @@ from dvr_cli.mesh.mesh import Mesh
 REGION_NAMES = frozenset(
     {
         "dvrregion",
+        "exodusblock",
+        "medfamily",
+        "cgnszone",
         "gmshphysical",
         "gmshgeometrical",
         "meditref",

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from containers import differences, netcdf_objects
+from dvr_cli.cli.main import main
 from dvr_cli.errors import DvrError, InputError
 from dvr_cli.files import exodus
 from dvr_cli.files.exodus import ExodusSource
@@ -272,6 +273,22 @@ def test_element_sets_and_empty_blocks():
 
     mesh = exodus.read(exodus_file(TETRA.points, HALVES, "NETCDF4", extra=more)).mesh
     assert [m.tolist() for m in mesh.cell_sets["elemset_4"]] == [[0, 69], [0]]
+
+
+def test_the_interface_between_blocks_stays(tmp_path):
+    flat = random_mesh("quad", 5, n=4)
+    left = flat.points[flat.cells[0].vertices].mean(axis=1)[:, 0] < 0.5
+    blocks = [("QUAD4", flat.cells[0].vertices[side]) for side in (left, ~left)]
+    data = exodus_file(flat.points, blocks, real="f4", steps=1)
+    (tmp_path / "in.e").write_bytes(data)
+    assert main(["smooth", str(tmp_path / "in.e"), str(tmp_path / "out.e"), "--engine", "numpy", "-q"]) == 0
+    new = (tmp_path / "out.e").read_bytes()
+    changed = differences(netcdf_objects(data), netcdf_objects(new))
+    assert changed == {"coordx", "coordy"}
+    between = np.intersect1d(blocks[0][1], blocks[1][1])
+    before, after = coordinates(data), coordinates(new)
+    assert len(between) == 5
+    assert np.array_equal(before[between], after[between])
 
 
 def without(name: str):
