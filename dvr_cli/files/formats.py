@@ -68,6 +68,12 @@ class Format:
         return import_module(f"dvr_cli.files.{self.converter}").convert(mesh, unread)
 
 
+# A deck of Nastran begins with a statement of its executive or case control sections, or with a card.
+_DECK = (
+    rb"(?i)(\s*\$[^\n]*\n)*\s*"
+    rb"(SOL\s+\w+|ID\s+\w+\s*,|CEND\b|BEGIN\s+BULK|NASTRAN\b|ASSIGN\b|INCLUDE\s*['\"]|SUBCASE\s+\d"
+    rb"|(GRID|GRDSET|PARAM|CORD\d[RCS]|MAT\d+|PSHELL|PSOLID|C(TRIA|QUAD|TETRA|HEXA|PENTA)\w*)[ \t]*[*,\s])"
+)
 _COMMENTS = rb"\s*(#[^\n]*\n\s*)*"
 
 REGISTRY = (
@@ -101,7 +107,14 @@ REGISTRY = (
     ),
     Format("tetgen", (".node", ".ele"), reader="tetgen", several=True, converter=None),
     Format("abaqus", (".inp",)),
-    Format("nastran", (".bdf", ".fem", ".nas")),
+    Format("tecplot", (".dat", ".tec"), re.compile(rb"(?i)\s*(#[^\n]*\n\s*)*(TITLE|VARIABLES|ZONE)\b")),
+    Format(
+        "nastran",
+        (".bdf", ".nas", ".fem", ".dat"),
+        re.compile(_DECK),
+        reader="nastran",
+        several=True,
+    ),
     Format("su2", (".su2",)),
     Format("stl", (".stl",), meshio=("stl", {"binary": True})),
     Format("xdmf", (".xdmf", ".xmf")),
@@ -121,7 +134,6 @@ REGISTRY = (
     Format("mdpa", (".mdpa",)),
     Format("netgen", (".vol",)),
     Format("permas", (".post",)),
-    Format("tecplot", (".dat", ".tec")),
     Format("ugrid", (".ugrid",)),
 )
 FORMATS = tuple(sorted(record.name for record in REGISTRY))

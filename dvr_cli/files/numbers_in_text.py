@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 import re
 import warnings
+from collections.abc import Iterable
+from itertools import islice
 from typing import BinaryIO
 
 import numpy as np
@@ -93,13 +95,23 @@ def write_replaced(
 
     The spans are ascending and do not overlap. Numbers get the fewest digits that read back exactly.
     """
-    done = 0
+    write_texts(file, data, starts, ends, (repr(value).encode() for value in map(float, values)))
+
+
+def write_texts(
+    file: BinaryIO, data: bytes, starts: np.ndarray, ends: np.ndarray, texts: Iterable[bytes]
+) -> None:
+    """Write ``data`` with the bytes from ``starts[i]`` to ``ends[i]`` replaced by the i-th of ``texts``.
+
+    The spans are ascending and do not overlap.
+    """
+    done, remaining = 0, iter(texts)
     for chunk in range(0, len(starts), _CHUNK):
         gap_ends = starts[chunk : chunk + _CHUNK].tolist()
         token_ends = ends[chunk : chunk + _CHUNK].tolist()
         pieces = [b""] * (2 * len(gap_ends))
         pieces[0::2] = map(data.__getitem__, map(slice, [done, *token_ends[:-1]], gap_ends))
-        pieces[1::2] = [repr(value).encode() for value in values[chunk : chunk + _CHUNK].tolist()]
+        pieces[1::2] = islice(remaining, len(gap_ends))
         file.write(b"".join(pieces))
         done = token_ends[-1]
     file.write(memoryview(data)[done:])

@@ -47,6 +47,7 @@ class Source(ABC):
     format: the name of its format as ``--input-format`` and ``--output-format`` take it.
     target: the file ``write`` is for, None for a pipe.
     unread: what the file holds beyond the mesh, so that other formats will not have it, one line each.
+    wider: what a ``widened`` source says about itself.
     notes: what the output cannot keep, one line each, as of the last ``stored`` or ``write``.
     """
 
@@ -55,6 +56,7 @@ class Source(ABC):
     target: Path | None
     unread: list[str]
     notes: list[str]
+    wider = "coordinates are stored in 64 bits, as rounding them to 32 would lower the quality"
 
     def __init__(self) -> None:
         """Nothing lost so far."""
@@ -83,7 +85,7 @@ class Source(ABC):
         return points
 
     def widened(self) -> Source | None:
-        """The same file with its coordinates in float64, None where they are already or cannot be."""
+        """The same file with room for more digits, None where it has it already or cannot get it."""
         return None
 
     def with_cell_field(self, name: str, values: list[np.ndarray], points: np.ndarray) -> Source:

@@ -63,11 +63,11 @@ class Output:
             return self._writer.stored(points)
 
     def widen(self) -> bool:
-        """Have coordinates stored in float64 from now on; False if they are already or cannot be."""
+        """Have coordinates stored with more digits from now on; False if they are already or cannot be."""
         wide = self._writer.widened()
         if wide is None:
             return False
-        wide.notes.append("coordinates are stored in 64 bits, as rounding them to 32 would lower the quality")
+        wide.notes.append(wide.wider)
         wide.target = self._writer.target
         self._writer = wide
         return True

@@ -21,6 +21,8 @@ REGION_NAMES = frozenset(
         "meditref",
         "tetgenref",
         "objgroup",
+        "nastranproperty",
+        "su2zone",
         "celltags",
         "cellentityids",
         "netgenindex",

@@ -1,0 +1,194 @@
+"""Element cards: which cells they are, and the nodes that other cards name.
+
+Node orders are turned into meshio's. Elements without a cell type of ours, rigid ones and whatever else
+depends on where a node is come as vertex cells, so that these nodes stay.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dvr_cli.errors import InputError
+from dvr_cli.files.gmsh.tags import TagIndex
+from dvr_cli.files.nastran.cards import Deck, Fields
+from dvr_cli.mesh.mesh import Cells
+from dvr_cli.mesh.second_order import SECOND_ORDER
+
+
+class Kind(NamedTuple):
+    """An element card: the number of its first field with a node, and what it is.
+
+    shapes: cell types with the places, from there on, of their nodes in meshio's order; the fields that hold
+        a node decide which of them it is. tagged: whether the field behind its id names a property.
+    """
+
+    first: int
+    shapes: tuple[tuple[str, tuple[int, ...]], ...]
+    tagged: bool = True
+
+
+def _first(n: int) -> tuple[int, ...]:
+    return tuple(range(n))
+
+
+_TRIANGLE = Kind(2, (("triangle", _first(3)),))
+_QUAD = Kind(2, (("quad", _first(4)),))
+_TRIANGLE6 = Kind(2, (("triangle", _first(3)), ("triangle6", _first(6))))
+_QUAD8 = Kind(2, (("quad", _first(4)), ("quad8", _first(8))))
+_QUAD9 = Kind(2, (*_QUAD8.shapes, ("quad9", _first(9))))
+_PYRAMID = Kind(2, (("pyramid", _first(5)), ("pyramid13", _first(13))))
+_LINE = Kind(2, (("line", _first(2)),))
+
+# Nastran lists the upright edges of wedges and hexahedra before the upper ones, meshio behind them.
+KINDS = {
+    **dict.fromkeys((b"CTRIA3", b"CTRIAR", b"CTRAX3", b"CPLSTN3", b"CPLSTS3"), _TRIANGLE),
+    **dict.fromkeys((b"CQUAD4", b"CQUADR", b"CSHEAR", b"CQUADX4", b"CPLSTN4", b"CPLSTS4"), _QUAD),
+    **dict.fromkeys((b"CTRIA6", b"CTRIAX", b"CTRAX6", b"CPLSTN6", b"CPLSTS6"), _TRIANGLE6),
+    **dict.fromkeys((b"CQUAD8", b"CQUADX8", b"CPLSTN8", b"CPLSTS8"), _QUAD8),
+    **dict.fromkeys((b"CQUAD", b"CQUADX"), _QUAD9),
+    b"CTRIAX6": Kind(2, (("triangle", (0, 2, 4)), ("triangle6", (0, 2, 4, 1, 3, 5)))),
+    b"CTETRA": Kind(2, (("tetra", _first(4)), ("tetra10", _first(10)))),
+    b"CPENTA": Kind(2, (("wedge", _first(6)), ("wedge15", (*range(9), *range(12, 15), *range(9, 12))))),
+    b"CHEXA": Kind(
+        2, (("hexahedron", _first(8)), ("hexahedron20", (*range(12), *range(16, 20), *range(12, 16))))
+    ),
+    **dict.fromkeys((b"CPYRAM", b"CPYRA"), _PYRAMID),
+    **dict.fromkeys((b"CBAR", b"CBEAM", b"CROD", b"CTUBE", b"CVISC", b"CBEND"), _LINE),
+    b"CBEAM3": Kind(2, (("line", _first(2)), ("line3", _first(3)))),
+    b"CONROD": Kind(1, _LINE.shapes, tagged=False),
+    b"PLOTEL": Kind(1, _LINE.shapes, tagged=False),
+}
+
+_SCALAR = (slice(2, 3), slice(4, 5))
+_ALL = (slice(1, None),)
+# Cards that depend on where nodes are without being cells: the fields in which they may name them. Any whole
+# number there that is a node's counts, so at worst a node more than needed stays.
+HOLDING = {
+    **{b"%s%d" % (name, i): _SCALAR for name in (b"CELAS", b"CDAMP", b"CMASS") for i in range(1, 5)},
+    b"CDAMP5": (slice(2, 4),),
+    **dict.fromkeys((b"CBAR", b"CBEAM"), (slice(4, 5),)),  # the node that a section is turned to
+    **dict.fromkeys((b"CBUSH", b"CGAP"), (slice(2, 5),)),
+    **dict.fromkeys((b"CBUSH1D", b"CBUSH2D"), (slice(2, 4),)),
+    **dict.fromkeys((b"CONM1", b"CONM2"), (slice(1, 2),)),
+    **dict.fromkeys((b"RBAR", b"RBAR1", b"RROD"), (slice(1, 3),)),
+    **dict.fromkeys((b"RTRPLT", b"RTRPLT1"), (slice(1, 4),)),
+    b"RJOINT": (slice(1, 3),),
+    b"RBE2": (slice(1, 2), slice(3, None)),
+    b"RBE3": (slice(2, None),),
+    **dict.fromkeys((b"RBE1", b"RSPLINE", b"RSSCON"), _ALL),
+    **dict.fromkeys((b"CWELD", b"CFAST", b"CSEAM", b"GENEL", b"CHBDYG", b"CHBDYP", b"CAABSF"), _ALL),
+    b"MPC": (slice(1, None, 8), slice(4, None, 8)),
+    **dict.fromkeys((b"CORD1R", b"CORD1C", b"CORD1S"), (slice(1, 4), slice(5, 8))),
+}
+
+
+class Elements(NamedTuple):
+    """Blocks of cells, with the number of the property of each cell, 0 for none."""
+
+    blocks: list[Cells]
+    properties: list[np.ndarray]
+
+
+def read_elements(deck: Deck, grids: TagIndex) -> Elements:
+    """The elements of a deck, a block for each kind of card and cell, in the order in which they begin.
+
+    grids: finds the place of a node by its number. Nodes that other cards need where they are come as a block
+    of vertex cells, the last one. Raises InputError.
+    """
+    found = []
+    for name in deck.names:
+        if name in KINDS:
+            found += _cells(deck, name, KINDS[name], grids)
+    found.sort(key=lambda block: block[0])
+    blocks = [Cells(cell_type, vertices) for _, cell_type, vertices, _ in found]
+    properties = [tags for *_, tags in found]
+    held = _with_corners(_held(deck, grids), blocks)
+    if len(held):
+        blocks.append(Cells("vertex", held[:, None]))
+        properties.append(np.zeros(len(held), dtype=np.int64))
+    return Elements(blocks, properties)
+
+
+def _cells(
+    deck: Deck, name: bytes, kind: Kind, grids: TagIndex
+) -> list[tuple[int, str, np.ndarray, np.ndarray]]:
+    """For each cell type among the cards of one name: its first card, the type, vertices and properties."""
+    cards = deck.cards(name)
+    last = kind.first + 1 + max(max(places) for _, places in kind.shapes)
+    table = np.zeros((len(cards), last), dtype=np.int64)
+    for rows, fields in _by_length(deck, cards, last):
+        table[rows, : fields.line.shape[1]] = deck.integers(fields)
+    nodes = table[:, kind.first :]
+    properties = table[:, 1] if kind.tagged else np.zeros(len(cards), dtype=np.int64)
+    properties = np.where(properties == 0, table[:, 0], properties) if kind.tagged else properties
+    given = nodes != 0
+    blocks = []
+    unknown = np.ones(len(cards), dtype=bool)
+    for cell_type, places in kind.shapes:
+        mine = given[:, places].all(axis=1) & (given.sum(axis=1) == len(places))
+        unknown &= ~mine
+        if mine.any():
+            rows = np.flatnonzero(mine)
+            named = nodes[rows][:, places]
+            vertices = grids.find(named)
+            if (vertices < 0).any():
+                row, column = np.argwhere(vertices < 0)[0]
+                line = int(deck.first[cards[rows[row]]])
+                deck.refuse(line, f"{_title(name)} names node {named[row, column]}, which no GRID defines")
+            blocks.append((int(cards[rows[0]]), cell_type, vertices.astype(np.int64), properties[rows]))
+    if unknown.any():
+        row = int(unknown.argmax())
+        fewest = kind.shapes[0][1]
+        why = "has only some of its mid nodes" if given[row, fewest].all() else "has too few nodes"
+        deck.refuse(
+            int(deck.first[cards[row]]), f"{_title(name)} {table[row, 0]} {why}, which is not supported"
+        )
+    return blocks
+
+
+def _held(deck: Deck, grids: TagIndex) -> np.ndarray:
+    """The nodes that other cards need where they are, ascending."""
+    found = [np.empty(0, dtype=np.int64)]
+    for name in deck.names:
+        for _, fields in _by_length(deck, deck.cards(name), None) if name in HOLDING else ():
+            for part in HOLDING[name]:
+                chosen = Fields(*(array[:, part] for array in fields))
+                places = grids.find(deck.whole(chosen))
+                found.append(places[places >= 0].astype(np.int64))
+    return np.unique(np.concatenate(found))
+
+
+def _with_corners(nodes: np.ndarray, blocks: list[Cells]) -> np.ndarray:
+    """``nodes`` with mid nodes of cells replaced by the corners around them: these hold a mid node, too."""
+    for block in blocks if len(nodes) else ():
+        if block.type in SECOND_ORDER:
+            middles = SECOND_ORDER[block.type][1]
+            first = block.vertices.shape[1] - len(middles)
+            for k, around in enumerate(middles):
+                mine = block.vertices[:, first + k]
+                corners = block.vertices[np.isin(mine, nodes)][:, around]
+                nodes = np.union1d(np.setdiff1d(nodes, mine), corners)
+    return nodes
+
+
+def _by_length(deck: Deck, cards: np.ndarray, last: int | None) -> list[tuple[np.ndarray, Fields]]:
+    """The fields of some cards, up to number ``last``: the rows with each number of lines, their fields."""
+    lengths = deck.count[cards]
+    result = []
+    for length in np.unique(lengths).tolist():
+        rows = np.flatnonzero(lengths == length)
+        most = 8 * length if last is None else min(last, 8 * length)
+        result.append((rows, deck.fields(cards[rows], 0, most)))
+    return result
+
+
+def _title(name: bytes) -> str:
+    return name.decode("ascii", "replace")
+
+
+def check_supported(deck: Deck) -> None:
+    """Raise InputError for a deck without elements that are cells."""
+    if not any(name in KINDS for name in deck.names):
+        raise InputError("it has no elements, or only such that are no cells")
