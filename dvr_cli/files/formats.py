@@ -74,6 +74,8 @@ _DECK = (
     rb"(SOL\s+\w+|ID\s+\w+\s*,|CEND\b|BEGIN\s+BULK|NASTRAN\b|ASSIGN\b|INCLUDE\s*['\"]|SUBCASE\s+\d"
     rb"|(GRID|GRDSET|PARAM|CORD\d[RCS]|MAT\d+|PSHELL|PSOLID|C(TRIA|QUAD|TETRA|HEXA|PENTA)\w*)[ \t]*[*,\s])"
 )
+_BOM = rb"(\xef\xbb\xbf)?"  # a byte order mark
+_XML = _BOM + rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*"
 _COMMENTS = rb"\s*(#[^\n]*\n\s*)*"
 
 REGISTRY = (
@@ -87,15 +89,18 @@ REGISTRY = (
     Format(
         "vtk",
         (".vtk",),
-        re.compile(rb"\s*# vtk DataFile"),
+        re.compile(_BOM + rb"\s*# vtk DataFile"),
         reader="vtk",
         meshio=("vtk42", {}),  # its default, 5.1, is one Gmsh cannot open
     ),
     Format(
-        "vtu",
-        (".vtu",),
-        re.compile(rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<VTKFile", re.DOTALL),
+        "vtp",
+        (".vtp",),
+        re.compile(_XML + rb"<VTKFile[^>]*\stype=[\"']PolyData", re.DOTALL),
+        reader="vtkxml.vtp",
+        converter=None,
     ),
+    Format("vtu", (".vtu",), re.compile(_XML + rb"<VTKFile", re.DOTALL), reader="vtkxml.vtu"),
     Format("medit", (".mesh", ".meshb"), re.compile(_COMMENTS + rb"MeshVersionFormatted")),
     Format("off", (".off",), re.compile(_COMMENTS + rb"(C?O?FF)\b")),
     Format("ply", (".ply",), re.compile(rb"ply\r?\n")),

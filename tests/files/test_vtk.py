@@ -156,6 +156,16 @@ def test_a_sign_of_zero_is_a_change():
     assert written(source, points) == data.replace(b"\n0 0 0\n", b"\n0 -0.0 0\n", 1)
 
 
+@pytest.mark.parametrize("name", ["tetrahedra-51ascii-double", "tetrahedra-42binary-float"])
+def test_a_byte_order_mark_is_passed_over_and_kept(name):
+    data = corpus()[name]
+    source = vtk.read(b"\xef\xbb\xbf" + data)
+    assert bits(source.mesh.points) == bits(vtk.read(data).mesh.points)
+    points = moved(source.mesh.points)
+    assert written(source, source.mesh.points) == b"\xef\xbb\xbf" + data
+    assert written(source, points) == b"\xef\xbb\xbf" + written(vtk.read(data), points)
+
+
 def test_float_text_is_rounded_on_reading():
     source = vtk.read(corpus()["hand-2.0-float"])
     assert source.mesh.points[3].tolist() == [float(np.float32(0.1)), float(np.float32(1e-3)), 1.5]

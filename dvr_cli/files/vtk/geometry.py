@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -94,6 +95,8 @@ def read_geometry(scanner: Scanner) -> Geometry:
 
 
 def _read_header(scanner: Scanner) -> None:
+    if scanner.data.startswith(codecs.BOM_UTF8):
+        scanner.position = len(codecs.BOM_UTF8)
     if not scanner.line().startswith(b"# vtk DataFile Version"):
         raise InputError("not a legacy VTK file: it does not begin with '# vtk DataFile Version'")
     scanner.line()  # the title
