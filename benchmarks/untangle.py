@@ -63,7 +63,7 @@ def _trial(mesh: Mesh) -> tuple[int, int, float, float]:
     _, report = dvr_cli.untangle(mesh.points, {mesh.cells[0].type: mesh.cells[0].vertices})
     assert report.untangling is not None
     assert report.after.q1 is not None
-    seconds = sum(one["seconds"] for one in report.untangling["rounds"])
+    seconds = sum(one["seconds"] for one in report.untangling.rounds)
     return report.before.inverted, report.after.inverted, seconds, report.after.q1
 
 

@@ -17,6 +17,7 @@ from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.directions import DirectionField, random_field
 from dvr_cli.relax.steepest import Ascent
+from dvr_cli.relax.stopping import StopReason
 from dvr_cli.relax.surface.projection import Projection
 from dvr_cli.relax.sweeps import Relaxation
 from dvr_cli.report.records import BoundaryChange
@@ -89,11 +90,11 @@ def projected(
         projection = Projection(domain.corners, points, curved, field, limit, options.order, options.seed)
         outcome = run(projection)
         deviation = projection.deviation(outcome.points)
-        if deviation <= bound or outcome.stopped_because in ("interrupted", "time-limit"):
+        if deviation <= bound or outcome.stopped_because.cuts_short:
             break
     inverted = projection.inverted
     if deviation > bound:
-        outcome = Relaxation(points, outcome.sweeps, "deviation")
+        outcome = Relaxation(points, outcome.sweeps, StopReason.DEVIATION)
         deviation, inverted = 0.0, Projection(domain.corners, points, curved, field, 0.0).inverted
     (volume, area), (new_volume, new_area) = extent(domain, points), extent(domain, outcome.points)
     change = BoundaryChange(

@@ -21,7 +21,9 @@ from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.measure import DEGENERATE, Quality, measure
-from dvr_cli.relax.sweeps import PHASES, Sweep
+from dvr_cli.relax.phases import Morphed
+from dvr_cli.relax.stopping import StopReason
+from dvr_cli.relax.sweeps import Sweep
 from dvr_cli.report.records import SmoothReport, summarise
 
 SMALLEST = 2.0**-10  # part of the displacement that a substep makes at least
@@ -57,7 +59,7 @@ def morph_mesh(
     points, reached, length = mesh.points.copy(), 0.0, 1.0
     substeps: list[dict[str, Any]] = []
     sweeps: list[Sweep] = []
-    stopped_because = ""
+    ended = StopReason.INTERRUPTED
 
     def renumbered(sweep: Sweep) -> Sweep:
         return replace(sweep, sweep=len(sweeps) + sweep.sweep)
@@ -83,18 +85,11 @@ def morph_mesh(
             }
         )
         sweeps += [renumbered(sweep) for sweep in step.sweeps]
-        stopped_because = step.stopped_because
+        ended = step.stopped_because
     seconds = time.perf_counter() - begin
 
-    stopped_because = stopped_because if reached == 1.0 else "interrupted"
-    phase = {
-        "phase": "morph",
-        "guarantee": PHASES["morph"],
-        "sweeps": len(sweeps),
-        "stopped_because": stopped_because,
-        "fraction": reached,
-        "substeps": substeps,
-    }
+    stopped_because = ended if reached == 1.0 else StopReason.INTERRUPTED
+    phase = Morphed("morph", len(sweeps), stopped_because, fraction=reached, substeps=substeps)
     points, after = _kept(domain, points, relaxed, storage)
     return points, SmoothReport(
         mesh=summarise(mesh, domain),

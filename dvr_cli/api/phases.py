@@ -1,10 +1,10 @@
-"""The phases of a run, one after the other: untangle, relax, patches, polish (see ``sweeps.PHASES``)."""
+"""The phases of a run, one after the other: untangle, relax, patches, polish (see ``relax.phases``)."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,13 +14,12 @@ from dvr_cli.mesh.domain import Domain
 from dvr_cli.relax.directions import DirectionField, restricted
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.patches.phase import relax_patches
-from dvr_cli.relax.stopping import Stopping
+from dvr_cli.relax.phases import Phase, Polished
+from dvr_cli.relax.stopping import Stopping, StopReason
 from dvr_cli.relax.surface.projection import Projection
-from dvr_cli.relax.sweeps import PHASES, Relaxation, Sweep, polish, relax
+from dvr_cli.relax.sweeps import Relaxation, Sweep, polish, relax
 from dvr_cli.relax.untangle.phase import Untangling, untangle
 from dvr_cli.report.records import BoundaryChange
-
-_FINAL = ("interrupted", "time-limit", "nothing-to-relax", "deviation")  # no phase follows
 
 
 class Run:
@@ -45,8 +44,8 @@ class Run:
         self._on_sweep, self._interrupted = on_sweep, interrupted
         self._begin = time.perf_counter()
         self.points = domain.points
-        self.stopped_because = ""
-        self.phases: list[dict[str, Any]] = []
+        self.stopped_because = StopReason.NOTHING_TO_RELAX
+        self.phases: list[Phase] = []
         self.sweeps: list[Sweep] = []
         self.untangling: Untangling | None = None
         self.inverted: np.ndarray | None = None
@@ -81,42 +80,37 @@ class Run:
 
     def relax_patches(self) -> None:
         """Move the surroundings of the worst elements jointly."""
-        if self.stopped_because in ("converged", "max-iterations") and self._engine.batches:
+        if self.stopped_because in (StopReason.CONVERGED, StopReason.MAX_ITERATIONS) and self._engine.batches:
             hooks = self._on_sweep, self._interrupted
             self._enter("patches", relax_patches(self._engine, self._left(), len(self.sweeps), *hooks))
 
     def polish(self, least: float) -> None:
         """Raise the mean quality; no quality falls below ``least`` or the options' floor."""
-        if self.stopped_because in _FINAL or not self._engine.batches:
+        if self.stopped_because.is_final or not self._engine.batches:
             return
         floor = max(self._options.floor * self._engine.q1(), least)
         hooks = self._on_sweep, self._interrupted
         outcome = polish(self._engine, floor, self._left(), len(self.sweeps), *hooks)
-        reason = outcome.stopped_because
-        if reason not in ("interrupted", "time-limit"):
-            reason = self.stopped_because
-        self._enter("polish", outcome, floor=floor)
+        ended = outcome.stopped_because
+        reason = ended if ended.cuts_short else self.stopped_because
+        self._take_over(outcome)
+        self.phases.append(Polished("polish", len(outcome.sweeps), ended, floor))
         self.stopped_because = reason
 
     def undo_polish(self, points: np.ndarray) -> None:
         """Go back to the coordinates ``points`` (N, d), which polishing began with."""
         self.points = points
         self.sweeps = [sweep for sweep in self.sweeps if sweep.phase != "polish"]
-        self.phases[-1].update(sweeps=0, stopped_because="undone")
+        self.phases[-1] = replace(self.phases[-1], sweeps=0, stopped_because=StopReason.UNDONE)
 
-    def _enter(self, name: str, outcome: Relaxation, **more: float) -> None:
-        """Take over what a phase did."""
+    def _enter(self, name: str, outcome: Relaxation) -> None:
+        """Take over what a phase did, and record it."""
+        self._take_over(outcome)
+        self.phases.append(Phase(name, len(outcome.sweeps), outcome.stopped_because))
+
+    def _take_over(self, outcome: Relaxation) -> None:
         self.points, self.stopped_because = outcome.points, outcome.stopped_because
         self.sweeps += outcome.sweeps
-        self.phases.append(
-            {
-                "phase": name,
-                "guarantee": PHASES[name],
-                "sweeps": len(outcome.sweeps),
-                "stopped_because": outcome.stopped_because,
-                **more,
-            }
-        )
 
     def _left(self) -> Stopping:
         return self._options.stopping.less(self.seconds)

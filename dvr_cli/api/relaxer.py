@@ -25,7 +25,7 @@ from dvr_cli.relax.directions import direction_field, restricted
 from dvr_cli.relax.engines.choice import chosen_engine
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import build_problem
-from dvr_cli.relax.stopping import Stopping
+from dvr_cli.relax.stopping import Stopping, StopReason
 from dvr_cli.relax.sweeps import Sweep, relax
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class RelaxReport:
     q1_after: float | None
     relaxed: int
     sweeps: list[Sweep]
-    stopped_because: str
+    stopped_because: StopReason
 
 
 class Relaxer:
@@ -220,7 +220,7 @@ class Relaxer:
         field = direction_field(entries, domain, data, options.seed, options.center, options.axis)
         engine = self._engine_for(interior)
         if not interior.any():
-            return points.copy(), RelaxReport(None, None, 0, [], "nothing-to-relax")
+            return points.copy(), RelaxReport(None, None, 0, [], StopReason.NOTHING_TO_RELAX)
         engine.load(domain.points)
         q1_before = engine.q1()
         outcome = relax(
@@ -231,7 +231,7 @@ class Relaxer:
         if domain.is_tilted:
             relaxed = freedom.relaxed
             if worse(measure(domain, moved, relaxed), measure(domain, points, relaxed)):
-                moved, q1_after, stopped_because = points.copy(), q1_before, "rounding"
+                moved, q1_after, stopped_because = points.copy(), q1_before, StopReason.ROUNDING
         return moved, RelaxReport(q1_before, q1_after, int(interior.sum()), outcome.sweeps, stopped_because)
 
     def _engine_for(self, moves: np.ndarray) -> Engine:

@@ -24,10 +24,14 @@ from dvr_cli.relax.directions import direction_field
 from dvr_cli.relax.engines.choice import chosen_engine
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import build_problem
+from dvr_cli.relax.stopping import StopReason
 from dvr_cli.relax.sweeps import Sweep
 from dvr_cli.report.records import SmoothReport, summarise
 
-_DONE = ("converged", "nothing-to-relax")  # the reasons for which relaxing on would gain nothing
+_DONE = (
+    StopReason.CONVERGED,
+    StopReason.NOTHING_TO_RELAX,
+)  # the reasons for which relaxing on would gain nothing
 
 
 class Storage(Protocol):
@@ -92,7 +96,7 @@ def smooth_mesh(
         """The points as they will be kept, and their quality."""
         points = domain.lift(mesh.points, flat)
         if domain.is_tilted and worse(measure(domain, points, relaxed), reference):
-            points, run.stopped_because = mesh.points.copy(), "rounding"
+            points, run.stopped_because = mesh.points.copy(), StopReason.ROUNDING
         return _kept(
             partial(measure, domain, relaxed=relaxed, inverted=run.inverted), points, reference, storage
         )

@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import Any
 
 import numpy as np
 
 from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.quality.measure import Quality
-from dvr_cli.relax.sweeps import PHASES
+from dvr_cli.relax.phases import Untangled
 from dvr_cli.relax.untangle.causes import left_over
 from dvr_cli.relax.untangle.phase import Untangling
 
 
-def untangle_phase(
-    untangling: Untangling, domain: Domain, freedom: Freedom, points: np.ndarray
-) -> dict[str, Any]:
-    """The phase of untangling as the report gives it, and what is left tangled in the end, at ``points``."""
-    return {
-        "phase": "untangle",
-        "guarantee": PHASES["untangle"],
-        "sweeps": 0,
-        "stopped_because": untangling.stopped_because,
-        "rounds": [asdict(one) for one in untangling.rounds],
-        "left": left_over(domain.flatten(points), domain, freedom),
-    }
+def untangle_phase(untangling: Untangling, domain: Domain, freedom: Freedom, points: np.ndarray) -> Untangled:
+    """The phase of untangling, with what is left tangled in the end, at ``points``."""
+    return Untangled(
+        phase="untangle",
+        sweeps=0,
+        stopped_because=untangling.stopped_because,
+        rounds=[asdict(one) for one in untangling.rounds],
+        left=left_over(domain.flatten(points), domain, freedom),
+    )
 
 
 def weaker(untangled: Quality, before: Quality) -> Quality:

@@ -30,6 +30,15 @@ class Freedom:
         """The same, with all vertices but those marked in ``chosen`` ((N,) bool) kept in place."""
         return Freedom(np.where(chosen, self.dimension, np.uint8(0)), self.axis)
 
+    def project(self, vectors: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+        """The part of ``vectors`` (m, d), gradients or steps, that lies in the line or plane of each of
+        ``vertices`` (m,): the orthogonal projection, zero for a vertex that stays.
+        """
+        dimension, axis = self.dimension[vertices][:, None], self.axis[vertices]
+        along = (vectors * axis).sum(axis=1, keepdims=True) * axis
+        inside = np.where(dimension == 1, along, vectors - along)
+        return np.where(dimension > 0, inside, 0.0)
+
     def restrict(self, vectors: np.ndarray, vertices: np.ndarray) -> np.ndarray:
         """Directions (m, d), of unit length, along the part of unit ``vectors`` (m, d) that lies in the line
         or plane of each of ``vertices`` (m,); zero where there is no such part but rounding.

@@ -5,9 +5,37 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from itertools import pairwise
 
 from dvr_cli.errors import UsageError
+
+
+class StopReason(StrEnum):
+    """Why a phase or a run ended; the values are those of ``stopped_because`` in reports."""
+
+    CONVERGED = "converged"
+    MAX_ITERATIONS = "max-iterations"
+    TARGET = "target"
+    TIME_LIMIT = "time-limit"
+    INTERRUPTED = "interrupted"
+    NOTHING_TO_RELAX = "nothing-to-relax"
+    ROUNDING = "rounding"  # which would undo what there is to gain: the mesh was left as it was
+    DEVIATION = "deviation"  # the boundary came too far from the input's: the mesh was left as it was
+    UNDONE = "undone"  # a phase whose result was not kept
+    UNTANGLED = "untangled"
+    STUCK = "stuck"  # elements remain inverted
+    NOTHING_TO_UNTANGLE = "nothing-to-untangle"
+
+    @property
+    def cuts_short(self) -> bool:
+        """Whether it ends a phase from outside, in the middle of a sweep."""
+        return self in (StopReason.INTERRUPTED, StopReason.TIME_LIMIT)
+
+    @property
+    def is_final(self) -> bool:
+        """Whether no phase follows."""
+        return self.cuts_short or self in (StopReason.NOTHING_TO_RELAX, StopReason.DEVIATION)
 
 
 @dataclass(frozen=True)
@@ -47,15 +75,15 @@ class Stopping:
             self if self.time_limit is None else replace(self, time_limit=max(0.0, self.time_limit - seconds))
         )
 
-    def reason(self, q1: Sequence[float], seconds: float) -> str | None:
+    def reason(self, q1: Sequence[float], seconds: float) -> StopReason | None:
         """Why to stop now, or None; q1 holds Q1 of the input and after each sweep so far."""
         if self.target is not None and q1[-1] >= self.target:
-            return "target"
+            return StopReason.TARGET
         growth = [after - before for before, after in pairwise(q1)][-self.patience :]
         if len(growth) == self.patience and max(growth) < self.tol:
-            return "converged"
+            return StopReason.CONVERGED
         if len(q1) > self.max_iterations:
-            return "max-iterations"
+            return StopReason.MAX_ITERATIONS
         if self.time_limit is not None and seconds >= self.time_limit:
-            return "time-limit"
+            return StopReason.TIME_LIMIT
         return None

@@ -1,6 +1,6 @@
 """The sweep loops: the paper's Algorithm 1 over batches, and polishing, until a criterion is met.
 
-Each is a phase of a run with a guarantee of its own, see PHASES.
+Each is a phase of a run with a guarantee of its own, see ``phases``.
 """
 
 from __future__ import annotations
@@ -13,17 +13,8 @@ import numpy as np
 
 from dvr_cli.relax.directions import DirectionField
 from dvr_cli.relax.engines.engine import Engine
-from dvr_cli.relax.stopping import Stopping
+from dvr_cli.relax.stopping import Stopping, StopReason
 from dvr_cli.relax.surface.projection import Projection
-
-# What holds after every batch of a phase.
-PHASES = {
-    "untangle": "there are never more inverted elements than in the input",
-    "morph": "no element is inverted or degenerate after any substep",
-    "relax": "the quality vector never decreases in the paper's ordering, so neither does Q1",
-    "patches": "the quality vector never decreases in the paper's ordering, so neither does Q1",
-    "polish": "Q1 stays at or above the floor, and that of the input; other components may decrease",
-}
 
 
 @dataclass(frozen=True)
@@ -47,7 +38,7 @@ class Relaxation:
 
     points: np.ndarray
     sweeps: list[Sweep]
-    stopped_because: str
+    stopped_because: StopReason
 
 
 def relax(
@@ -65,7 +56,7 @@ def relax(
     result. Every intermediate mesh is valid and no worse (Theorem 4.10).
     """
     if not len(engine.problem.relaxed) and projection is None:
-        return Relaxation(points, [], "nothing-to-relax")
+        return Relaxation(points, [], StopReason.NOTHING_TO_RELAX)
     begin = time.perf_counter()
     engine.load(points)
     history = [_q1(engine, projection)]
@@ -119,16 +110,16 @@ def polish(
         if on_sweep is not None:
             on_sweep(sweeps[-1])
         if growth < stopping.tol:
-            return Relaxation(engine.points, sweeps, "converged")
-    return Relaxation(engine.points, sweeps, "max-iterations")
+            return Relaxation(engine.points, sweeps, StopReason.CONVERGED)
+    return Relaxation(engine.points, sweeps, StopReason.MAX_ITERATIONS)
 
 
-def cut_short(begin: float, stopping: Stopping, interrupted: Callable[[], bool]) -> str | None:
+def cut_short(begin: float, stopping: Stopping, interrupted: Callable[[], bool]) -> StopReason | None:
     """Why to stop in the middle of a sweep, or None."""
     if interrupted():
-        return "interrupted"
+        return StopReason.INTERRUPTED
     if stopping.time_limit is not None and time.perf_counter() - begin >= stopping.time_limit:
-        return "time-limit"
+        return StopReason.TIME_LIMIT
     return None
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -10,6 +11,8 @@ from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.limits import Limit
 from dvr_cli.quality.measure import Quality
+from dvr_cli.relax.phases import Morphed, Phase, Untangled
+from dvr_cli.relax.stopping import StopReason
 
 UNITS = {
     "quality": "mean ratio, from -1 to 1",
@@ -87,9 +90,7 @@ class SmoothReport:
     sweeps: for each its number from 1 (sweep), its phase, Q1 after it (q1), vertices moved, seconds taken,
         when polishing the mean quality of the corners with a relaxed vertex (mean, else null), and if a
         picture was asked for the mean quality of all elements (elements_mean).
-    stopped_because: "converged", "max-iterations", "target", "time-limit", "interrupted",
-        "nothing-to-relax", or "rounding" when rounding would undo the gain, "deviation" when the boundary
-        came too far from the input; then the mesh was left as it was.
+    stopped_because: why it ended.
     limited_by: what holds the worst element where relaxing on would not, None if that is not known.
     boundary: what became of a boundary or surface that was projected, else None.
     seconds: time of the relaxation, reading and writing aside.
@@ -99,9 +100,9 @@ class SmoothReport:
     relaxed: int
     before: Quality
     after: Quality
-    phases: list[dict[str, Any]]
+    phases: Sequence[Phase]
     sweeps: list[dict[str, Any]]
-    stopped_because: str
+    stopped_because: StopReason
     limited_by: Limit | None
     seconds: float
     engine: str
@@ -110,14 +111,14 @@ class SmoothReport:
     boundary: BoundaryChange | None = None
 
     @property
-    def untangling(self) -> dict[str, Any] | None:
+    def untangling(self) -> Untangled | None:
         """The phase of untangling, None if it was not asked for."""
-        return self.phases[0] if self.phases[0]["phase"] == "untangle" else None
+        return next((phase for phase in self.phases if isinstance(phase, Untangled)), None)
 
     @property
-    def morphing(self) -> dict[str, Any] | None:
+    def morphing(self) -> Morphed | None:
         """The phase of morphing, None if it was not asked for."""
-        return self.phases[0] if self.phases[0]["phase"] == "morph" else None
+        return next((phase for phase in self.phases if isinstance(phase, Morphed)), None)
 
     def record(self, path: str | None = None, source: str | None = None) -> dict[str, Any]:
         """The report as JSON-ready data, schema dvr.smooth/1; ``quality`` is that of the result.
@@ -135,7 +136,7 @@ class SmoothReport:
             "quality": after,
             "before": _quality_record(self.before),
             "after": after,
-            "phases": self.phases,
+            "phases": [phase.record() for phase in self.phases],
             "sweeps": self.sweeps,
             "stopped_because": self.stopped_because,
             "limited_by": None if self.limited_by is None else asdict(self.limited_by),

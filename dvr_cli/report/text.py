@@ -6,6 +6,8 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from dvr_cli.relax.phases import Polished
+from dvr_cli.relax.stopping import StopReason
 from dvr_cli.report.advice import advice
 from dvr_cli.report.figures import Figure, bins, counts, figures, place, remarks
 
@@ -137,15 +139,15 @@ def _untangled(report: SmoothReport) -> list[str]:
     """What untangling did, if it was asked for."""
     if report.untangling is None:
         return []
-    rounds = report.untangling["rounds"]
+    rounds = report.untangling.rounds
     if not rounds:
         return ["nothing to untangle" if not report.after.inverted else "nothing that moving could untangle"]
     tangled, seconds = rounds[-1]["tangled"], sum(one["seconds"] for one in rounds)
     end = {
-        "untangled": "every element that can be is positive",
-        "stuck": f"gave up with {tangled} inverted or degenerate",
-        "interrupted": "ended early",
-    }[report.untangling["stopped_because"]]
+        StopReason.UNTANGLED: "every element that can be is positive",
+        StopReason.STUCK: f"gave up with {tangled} inverted or degenerate",
+        StopReason.INTERRUPTED: "ended early",
+    }[report.untangling.stopped_because]
     return [f"untangled in {_count(len(rounds), 'round')}, {seconds:.3f} s: {end}"]
 
 
@@ -153,7 +155,7 @@ def _morphed(report: SmoothReport) -> list[str]:
     """How much of a displacement was made."""
     if report.morphing is None:
         return []
-    part, substeps = report.morphing["fraction"], len(report.morphing["substeps"])
+    part, substeps = report.morphing.fraction, len(report.morphing.substeps)
     return [f"{100 * part:.4g} % of the displacement made in {_count(substeps, 'substep')}"]
 
 
@@ -163,9 +165,9 @@ def _left(report: SmoothReport) -> list[str]:
         return []
     worst = [element for element in report.after.worst if element.quality <= 0]
     lines = [f"  {_shown(element.quality):>{_VALUE}}  {place(element, 6)}" for element in worst]
-    if count := report.untangling["left"]["hopeless"]:
+    if count := report.untangling.left["hopeless"]:
         lines.append(f"  {count} of them with a corner whose vertices are all held: no movement helps")
-    if count := report.untangling["left"]["crossing"]:
+    if count := report.untangling.left["crossing"]:
         lines.append(f"  {count} of them near held facets that cross each other")
     return lines
 
@@ -173,7 +175,7 @@ def _left(report: SmoothReport) -> list[str]:
 def _stopped(report: SmoothReport) -> list[str]:
     """Why it stopped; of untangling alone only what ended it early."""
     alone = report.untangling is not None and not report.options["max_iterations"]
-    if alone and report.stopped_because not in ("interrupted", "time-limit"):
+    if alone and not report.stopped_because.cuts_short:
         return []
     return [_why_stopped(report)]
 
@@ -181,19 +183,20 @@ def _stopped(report: SmoothReport) -> list[str]:
 def _why_stopped(report: SmoothReport) -> str:
     options = report.options
     selects = any(options[name] not in (None, []) for name in ("fix", "only", "below", "vertices"))
-    patches = any(phase["phase"] == "patches" for phase in report.phases)
-    if report.stopped_because == "converged" and patches:
+    patches = any(phase.phase == "patches" for phase in report.phases)
+    if report.stopped_because is StopReason.CONVERGED and patches:
         return "converged: moved jointly, the surroundings of the worst element gain no more"
     return {
-        "converged": f"converged: Q1 grew by less than {options['tol']:g} in each of the last "
+        StopReason.CONVERGED: f"converged: Q1 grew by less than {options['tol']:g} in each of the last "
         f"{_count(options['patience'], 'sweep')}",
-        "max-iterations": f"stopped: {_count(options['max_iterations'], 'sweep')} at most were asked for",
-        "target": f"stopped: Q1 reached the target, {options['target']}",
-        "time-limit": f"stopped: the time limit of {options['time_limit']} s was reached",
-        "interrupted": "interrupted: the mesh reached by then was written",
-        "rounding": "left as it was: rounding the coordinates would undo what there is to gain",
-        "deviation": "left as it was: the boundary would come too far from the input's",
-        "nothing-to-relax": "nothing to relax: "
+        StopReason.MAX_ITERATIONS: f"stopped: {_count(options['max_iterations'], 'sweep')} at most were "
+        "asked for",
+        StopReason.TARGET: f"stopped: Q1 reached the target, {options['target']}",
+        StopReason.TIME_LIMIT: f"stopped: the time limit of {options['time_limit']} s was reached",
+        StopReason.INTERRUPTED: "interrupted: the mesh reached by then was written",
+        StopReason.ROUNDING: "left as it was: rounding the coordinates would undo what there is to gain",
+        StopReason.DEVIATION: "left as it was: the boundary would come too far from the input's",
+        StopReason.NOTHING_TO_RELAX: "nothing to relax: "
         + ("the selection leaves no vertex that could move" if selects else "no vertex lies inside the mesh"),
     }[report.stopped_because]
 
@@ -204,9 +207,9 @@ def _limit(limit: Limit | None) -> list[str]:
 
 def _polished(report: SmoothReport) -> list[str]:
     phase = report.phases[-1]
-    if phase["phase"] != "polish" or not phase["sweeps"]:
+    if not isinstance(phase, Polished) or not phase.sweeps:
         return []
-    sweeps, floor = _count(phase["sweeps"], "sweep"), _shown(phase["floor"])
+    sweeps, floor = _count(phase.sweeps, "sweep"), _shown(phase.floor)
     return [f"polished in {sweeps}: the mean raised, Q1 kept above {floor}"]
 
 

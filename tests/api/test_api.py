@@ -317,7 +317,7 @@ def test_unknown_names_are_missing_as_in_any_module():
 
 
 def phases(report):
-    return [phase["phase"] for phase in report.phases]
+    return [phase.phase for phase in report.phases]
 
 
 def test_all_phases_are_run_unless_directions_are_prescribed():
@@ -362,8 +362,8 @@ def test_polishing_that_would_lower_the_quality_vector_is_undone():
     points, cells = np.concatenate([best, fan]), {"triangle": np.concatenate([triangles, around])}
     _, report = dvr_cli.smooth(points, cells)
     assert report.after.q1 == report.before.q1
-    assert report.phases[-1]["phase"] == "polish"
-    assert report.phases[-1]["stopped_because"] == "undone"
+    assert report.phases[-1].phase == "polish"
+    assert report.phases[-1].stopped_because == "undone"
     assert not [sweep for sweep in report.sweeps if sweep["phase"] == "polish"]
     assert at_least(report.after.vector, report.before.vector)
     _, forced = dvr_cli.smooth(points, cells, polish=True)

@@ -120,11 +120,11 @@ def test_interrupted_it_ends_with_the_last_valid_mesh(after):
     options = SmoothOptions(directions="axis")
     points, report = morph_mesh(mesh, shift, options, interrupted=interrupted)
     (phase,) = report.phases
-    assert 0 <= phase["fraction"] < 1
-    assert report.stopped_because == phase["stopped_because"] == "interrupted"
-    assert (phase["fraction"] > 0) == (after >= 60) == bool(phase["substeps"])
+    assert 0 <= phase.fraction < 1
+    assert report.stopped_because == phase.stopped_because == "interrupted"
+    assert (phase.fraction > 0) == (after >= 60) == bool(phase.substeps)
     boundary = ~domain_of(mesh).interior
-    expected = mesh.points + phase["fraction"] * shift
+    expected = mesh.points + phase.fraction * shift
     assert np.array_equal(points[boundary], expected[boundary])
     assert report.after.minimum > 0
 

@@ -140,15 +140,15 @@ def test_the_report_tells_the_phases_apart(kind):
     _, relaxed = dvr_cli.smooth(mesh.points, cells, patches=False, polish=False)
     _, report = dvr_cli.smooth(mesh.points, cells, patches=False, polish=True, floor=0.9)
     first, second = report.phases
-    assert (first["phase"], second["phase"]) == ("relax", "polish")
-    assert first["guarantee"] != second["guarantee"]
-    assert first["sweeps"] == len(relaxed.sweeps)
-    assert [sweep["phase"] for sweep in report.sweeps] == ["relax"] * first["sweeps"] + ["polish"] * second[
-        "sweeps"
-    ]
+    assert (first.phase, second.phase) == ("relax", "polish")
+    assert first.record()["guarantee"] != second.record()["guarantee"]
+    assert first.sweeps == len(relaxed.sweeps)
+    assert [sweep["phase"] for sweep in report.sweeps] == ["relax"] * first.sweeps + [
+        "polish"
+    ] * second.sweeps
     reached = relaxed.after.q1
-    assert second["floor"] == max(0.9 * reached, report.before.q1)
-    assert report.after.q1 >= second["floor"]
+    assert second.floor == max(0.9 * reached, report.before.q1)
+    assert report.after.q1 >= second.floor
     assert report.after.mean > relaxed.after.mean
     assert (report.after.q1, report.after.mean) == pytest.approx(
         (report.sweeps[-1]["q1"], report.after.mean), rel=1e-12
@@ -160,7 +160,7 @@ def test_the_input_is_a_floor_too():
     mesh = random_mesh("tetra", 3)
     tetra = {"tetra": mesh.cells[0].vertices}
     _, report = dvr_cli.smooth(mesh.points, tetra, max_iterations=1, patches=False, polish=True, floor=0.0)
-    assert report.phases[1]["floor"] == report.before.q1
+    assert report.phases[1].floor == report.before.q1
     assert report.after.q1 >= report.before.q1
 
 
@@ -168,5 +168,5 @@ def test_nothing_is_polished_after_an_interruption():
     mesh = random_mesh("tetra", 3)
     tetra = {"tetra": mesh.cells[0].vertices}
     _, report = dvr_cli.smooth(mesh.points, tetra, polish=True, time_limit=0)
-    assert [phase["phase"] for phase in report.phases] == ["relax"]
+    assert [phase.phase for phase in report.phases] == ["relax"]
     assert report.stopped_because == "time-limit"

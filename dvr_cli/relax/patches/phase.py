@@ -27,7 +27,7 @@ from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.patches.neighbourhoods import ROUND, Neighbourhoods, Patches
 from dvr_cli.relax.patches.solver import solve_patch
 from dvr_cli.relax.problem import Problem
-from dvr_cli.relax.stopping import Stopping
+from dvr_cli.relax.stopping import Stopping, StopReason
 from dvr_cli.relax.sweeps import Relaxation, Sweep, cut_short
 
 LAYERS = 4  # around a corner's own vertices at most; beyond them hardly anything gains
@@ -50,7 +50,7 @@ def relax_patches(
     """
     problem, begin = engine.problem, time.perf_counter()
     if not len(problem.relaxed):
-        return Relaxation(engine.points, [], "nothing-to-relax")
+        return Relaxation(engine.points, [], StopReason.NOTHING_TO_RELAX)
     state = _State(problem, engine.coordinates)
     neighbourhoods = Neighbourhoods(problem, engine.backend)
     solve = engine.backend.twin(solve_patch)
@@ -66,7 +66,7 @@ def relax_patches(
         each = pool.map if engine.threads > 1 else map
         while (reason := cut_short(begin, stopping, interrupted) or state.done(stopping.target)) is None:
             if len(rounds) == stopping.max_iterations:
-                reason = "max-iterations"
+                reason = StopReason.MAX_ITERATIONS
                 break
             start = time.perf_counter()
             patches = neighbourhoods.choose(state.worst(), state.layers)
@@ -104,11 +104,11 @@ class _State:
         """Q1: the worst quality of a touched corner."""
         return float(self.quality.min())
 
-    def done(self, target: float | None) -> str | None:
+    def done(self, target: float | None) -> StopReason | None:
         """Why there is nothing left to do: Q1 has reached the target, or every layer was tried around it."""
         if target is not None and self.q1 >= target:
-            return "target"
-        return "converged" if self.layers[self.quality.argmin()] > LAYERS else None
+            return StopReason.TARGET
+        return StopReason.CONVERGED if self.layers[self.quality.argmin()] > LAYERS else None
 
     def worst(self) -> np.ndarray:
         """The worst corners that may gain, worst first; of equals the first."""

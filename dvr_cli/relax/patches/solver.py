@@ -17,6 +17,7 @@ import numpy as np
 from dvr_cli.mesh.simplex import cross, dot, edges_and_determinant
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
+from dvr_cli.relax.lbfgs import Pair, descent
 from dvr_cli.relax.line import improves
 
 SQUARINGS = ((5, 9, 13), (4, 8, 12))  # log2 of each k, in 2D and in 3D
@@ -163,9 +164,9 @@ def _minimise(energy: PatchEnergy, squarings: int) -> None:
     reference = energy.badness().max()
     f, share = energy.norm(reference, squarings)
     g = energy.gradient(f, share)
-    pairs: list[tuple[np.ndarray, np.ndarray, float]] = []
+    pairs: list[Pair] = []
     for _ in range(ITERATIONS):
-        direction = _descent(g, pairs)
+        direction = descent(g, pairs, _dot)
         slope = _dot(g, direction)
         if not slope < 0.0:
             return
@@ -189,21 +190,6 @@ def _minimise(energy: PatchEnergy, squarings: int) -> None:
         x, f, g = reached, trial, new
         if gain < FLAT * f:
             return
-
-
-def _descent(g: np.ndarray, pairs: list[tuple[np.ndarray, np.ndarray, float]]) -> np.ndarray:
-    """The direction of L-BFGS: -g times the inverse Hessian that the pairs suggest (two-loop recursion)."""
-    direction = -g
-    factors = []
-    for taken, change, curvature in reversed(pairs):
-        factors.append(_dot(taken, direction) / curvature)
-        direction = direction - factors[-1] * change
-    if pairs:
-        _, change, curvature = pairs[-1]
-        direction = direction * (curvature / _dot(change, change))
-    for (taken, change, curvature), factor in zip(pairs, reversed(factors), strict=True):
-        direction = direction + (factor - _dot(change, direction) / curvature) * taken
-    return direction
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> float:

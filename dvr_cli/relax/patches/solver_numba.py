@@ -10,6 +10,7 @@ import numpy as np
 
 from dvr_cli.jit import compiled, inlined
 from dvr_cli.quality.badness_numba import badness
+from dvr_cli.relax.lbfgs_numba import descent, dot
 from dvr_cli.relax.line_numba import improves
 from dvr_cli.relax.patches.solver import (
     DECREASE,
@@ -85,8 +86,8 @@ def _minimise(
     f, total = _norm(bad, reference, squarings, power)
     _gradient(points, moving, vertices, shapes, norm, slot, dimension, axis, power, f, total, g)
     for _ in range(ITERATIONS):
-        _descent(g, steps, changes, curvature, factor, kept, d, direction)
-        slope = _dot(g, direction, d)
+        descent(g, steps, changes, curvature, factor, kept, d, direction)
+        slope = dot(g, direction, d)
         if not slope < 0.0:
             return
         step = 1.0
@@ -115,44 +116,12 @@ def _minimise(
             steps[row, i] = reached[i] - x[i]
             changes[row, i] = new[i] - g[i]
             x[i], g[i] = reached[i], new[i]
-        curvature[row] = _dot(steps[row], changes[row], d)
+        curvature[row] = dot(steps[row], changes[row], d)
         if curvature[row] > 0.0:
             kept += 1
         gain, f = f - trial, trial
         if gain < FLAT * f:
             return
-
-
-@compiled
-def _descent(
-    g: np.ndarray,
-    steps: np.ndarray,
-    changes: np.ndarray,
-    curvature: np.ndarray,
-    factor: np.ndarray,
-    kept: int,
-    d: int,
-    direction: np.ndarray,
-) -> None:
-    """See ``solver._descent``; pair number i stands in row i modulo the number of rows."""
-    rows, oldest = len(steps), max(kept - MEMORY, 0)
-    for i in range(len(g)):
-        direction[i] = -g[i]
-    for pair in range(kept - 1, oldest - 1, -1):
-        row = pair % rows
-        factor[row] = _dot(steps[row], direction, d) / curvature[row]
-        for i in range(len(g)):
-            direction[i] = direction[i] - factor[row] * changes[row, i]
-    if kept > 0:
-        row = (kept - 1) % rows
-        scale = curvature[row] / _dot(changes[row], changes[row], d)
-        for i in range(len(g)):
-            direction[i] = direction[i] * scale
-    for pair in range(oldest, kept):
-        row = pair % rows
-        weight = factor[row] - _dot(changes[row], direction, d) / curvature[row]
-        for i in range(len(g)):
-            direction[i] = direction[i] + weight * steps[row, i]
 
 
 @inlined
@@ -171,22 +140,6 @@ def _put(points: np.ndarray, moving: np.ndarray, values: np.ndarray) -> None:
     for i in range(len(moving)):
         for j in range(d):
             points[moving[i], j] = values[i * d + j]
-
-
-@inlined
-def _dot(a: np.ndarray, b: np.ndarray, d: int) -> float:
-    """See ``solver._dot``."""
-    t0, t1, t2 = 0.0, 0.0, 0.0
-    if d == 2:
-        for i in range(0, len(a), 2):
-            t0 += a[i] * b[i]
-            t1 += a[i + 1] * b[i + 1]
-        return t0 + t1
-    for i in range(0, len(a), 3):
-        t0 += a[i] * b[i]
-        t1 += a[i + 1] * b[i + 1]
-        t2 += a[i + 2] * b[i + 2]
-    return t0 + t1 + t2
 
 
 @inlined

@@ -56,7 +56,7 @@ class Energy:
         return float((dot(edges[0], _normals(edges)[0]) / self._unit).min())
 
     def regularised(self, displacements: np.ndarray, epsilon: float) -> tuple[float, np.ndarray]:
-        """The energy with this ε and its gradient (m·d,), along which each vertex is free to move."""
+        """The energy with this ε and its gradient (m·d,) in the lines and planes of the vertices."""
         d, n = self.dimension, self._corner.shape[1]
         x = self._at(displacements)
         energy = 0.0
@@ -89,7 +89,7 @@ class Energy:
         sums = [np.bincount(self._target, row.ravel(), minlength=m + 1)[:m] for row in pull]
         gradient = np.stack(sums, axis=1) * self._size[:, None]
         if self._freedom.axis.any():
-            gradient = self._freedom.restrict(gradient, self._moving)
+            gradient = self._freedom.project(gradient, self._moving)
         return energy, gradient.ravel()
 
     def _at(self, displacements: np.ndarray) -> np.ndarray:

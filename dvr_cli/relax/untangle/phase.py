@@ -17,8 +17,9 @@ import numpy as np
 from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.mesh.corners import Corners
 from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities, element_qualities
+from dvr_cli.relax.stopping import StopReason
 from dvr_cli.relax.untangle.energy import Energy
-from dvr_cli.relax.untangle.lbfgs import minimise
+from dvr_cli.relax.untangle.minimise import minimise
 
 _EVALUATIONS = 400  # of the energy in a round
 _PROGRESS = 1e-4  # part of the energy gained in ten steps below which a round ends
@@ -44,12 +45,12 @@ class Round:
 class Untangling:
     """The result of untangling: coordinates (N, d), the rounds done, why they ended.
 
-    stopped_because: "untangled", "stuck", "interrupted", or "nothing-to-untangle".
+    stopped_because: UNTANGLED, STUCK, INTERRUPTED or NOTHING_TO_UNTANGLE.
     """
 
     points: np.ndarray
     rounds: list[Round]
-    stopped_because: str
+    stopped_because: StopReason
 
 
 def untangle(
@@ -69,12 +70,12 @@ def untangle(
     """
     run = _Run(points, corners, freedom, interrupted, on_round)
     if not run.tangled.any():
-        return Untangling(points, [], "nothing-to-untangle")
+        return Untangling(points, [], StopReason.NOTHING_TO_UNTANGLE)
     moved = np.zeros(len(points), dtype=bool)
     rings, idle, fewest, best = _RINGS, 0, run.tangled.sum(), 0
     while run.tangled.any():
         if run.ended or len(run.rounds) in (best + _PATIENCE, _ROUNDS):
-            return run.result("stuck")
+            return run.result(StopReason.STUCK)
         region = widened(corners, vertices_of(run.tangled, corners, len(points)), rings)
         moved |= region
         before = run.tangled.sum()
@@ -91,7 +92,7 @@ def untangle(
         moved = widened(corners, moved, rings)
         run.minimise(moved, 0.0)
         excess, before = run.excess(core), excess
-    return run.result("untangled")
+    return run.result(StopReason.UNTANGLED)
 
 
 def hopeless(points: np.ndarray, corners: Corners, freedom: Freedom) -> np.ndarray:
@@ -164,9 +165,10 @@ class _Run:
         some = Corners(self._corners.vertices[chosen], self._corners.shapes[chosen], self._corners.first[:1])
         return float((1 / corner_qualities(self._scaled, some)).mean()) - 1
 
-    def result(self, reason: str) -> Untangling:
+    def result(self, reason: StopReason) -> Untangling:
         """The best coordinates met, and why there was no further round."""
-        return Untangling(self._best, self.rounds, "interrupted" if self._interrupted() else reason)
+        ended = StopReason.INTERRUPTED if self._interrupted() else reason
+        return Untangling(self._best, self.rounds, ended)
 
     def _judged(self, points: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
         """Which elements are to be made positive, and how many of all are inverted and degenerate."""

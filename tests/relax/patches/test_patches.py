@@ -319,7 +319,7 @@ def test_option_adds_a_phase():
     stopping = Stopping(max_iterations=5, tol=0.0)
     points, plain = smooth_mesh(mesh, SmoothOptions("random", stopping=stopping))
     moved, report = smooth_mesh(mesh, SmoothOptions("random", patches=True, stopping=stopping))
-    assert [phase["phase"] for phase in report.phases] == ["relax", "patches"]
+    assert [phase.phase for phase in report.phases] == ["relax", "patches"]
     assert [sweep["phase"] for sweep in report.sweeps[:6]] == ["relax"] * 5 + ["patches"]
     assert [sweep["sweep"] for sweep in report.sweeps] == list(range(1, len(report.sweeps) + 1))
     assert report.after.q1 > plain.after.q1

@@ -52,6 +52,39 @@ def test_the_gradient_is_that_of_the_energy(kind):
     assert (ends[1] - ends[0]) / (2 * h) == pytest.approx(gradient @ way, rel=1e-6)
 
 
+@pytest.mark.parametrize("kind", ["quad", "hexahedron", "mixed3d"])
+@pytest.mark.parametrize("axes", ["parallel", "oblique"])
+def test_the_gradient_on_lines_and_in_planes_is_that_of_the_energy(kind, axes):
+    """Vertices on lines, in planes and free ones at once; the derivative is taken along a way they can go."""
+    mesh = random_mesh(kind, 1, noise=1.0)
+    domain = domain_of(mesh)
+    d, moving = domain.dimension, np.flatnonzero(domain.interior)
+    rng = np.random.default_rng(5)
+    dimension = np.where(domain.interior, d, 0).astype(np.uint8)
+    dimension[moving] = rng.integers(1, d + 1, len(moving))
+    axis = np.zeros((len(domain.points), d))
+    held = moving[dimension[moving] < d]
+    axis[held] = (
+        np.eye(d)[rng.integers(d, size=len(held))] if axes == "parallel" else rng.normal(size=(len(held), d))
+    )
+    axis[held] /= np.linalg.norm(axis[held], axis=1, keepdims=True)
+    energy = Energy(domain.points, domain.corners, Freedom(dimension, axis))
+    # a way along each line and in each plane, found without the code under test
+    way = rng.normal(size=(len(moving), d))
+    for row, vertex in enumerate(moving):
+        across = (way[row] @ axis[vertex]) * axis[vertex]
+        way[row] = across if dimension[vertex] == 1 else way[row] - across
+    here, way, h = 0.2 * way.ravel(), way.ravel(), 1e-6
+    _, gradient = energy.regularised(here, 0.1)
+    ends = [energy.regularised(here + side * h * way, 0.1)[0] for side in (-1, 1)]
+    assert (ends[1] - ends[0]) / (2 * h) == pytest.approx(gradient @ way, rel=1e-6)
+    steps = gradient.reshape(-1, d)
+    for row, vertex in enumerate(moving):
+        across = steps[row] @ axis[vertex]
+        outside = steps[row] - across * axis[vertex] if dimension[vertex] == 1 else across
+        assert np.abs(outside).max(initial=0.0) <= 1e-12 * max(1.0, np.abs(steps).max())
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_without_regularisation_the_energy_is_the_sum_of_the_inverse_qualities(kind):
     mesh = random_mesh(kind, 2, noise=0.1)
@@ -114,7 +147,7 @@ def test_bumps(kind, n):
     assert dvr_cli.quality_report(mesh.points, cells_of(mesh)).quality.inverted >= 22
     _, report = untangled(mesh)
     assert report.after.inverted == report.after.degenerate == 0
-    assert report.untangling["left"]["elements"] == 0
+    assert report.untangling.left["elements"] == 0
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -152,7 +185,7 @@ def test_a_valid_mesh_is_left_alone():
     mesh = random_mesh("mixed3d", 1)
     points, report = untangled(mesh)
     assert points.tobytes() == mesh.points.tobytes()
-    assert report.untangling["stopped_because"] == "nothing-to-untangle"
+    assert report.untangling.stopped_because == "nothing-to-untangle"
 
 
 def test_vertices_far_from_inverted_elements_stay():
@@ -202,8 +235,8 @@ def test_a_boundary_that_crosses_itself():
     pushed = np.flatnonzero((mesh.points[:, 1] == 0) & (np.abs(mesh.points[:, 0] - 0.5) < 1e-9))
     mesh.points[pushed] = [0.5, 1.05]
     _, report = untangled(mesh)
-    left = report.untangling["left"]
-    assert report.untangling["stopped_because"] == "stuck"
+    left = report.untangling.left
+    assert report.untangling.stopped_because == "stuck"
     assert left["elements"] == left["crossing"] == report.after.inverted > 0
     assert report.after.worst[0].quality == report.after.minimum < 0
     assert 0.0 < report.after.worst[0].centroid[0] < 1.0
@@ -222,14 +255,14 @@ def test_an_element_whose_vertices_are_all_held():
     _, report = untangled(mesh)
     assert report.before.inverted > 1
     assert report.after.inverted == 1
-    assert report.untangling["left"] == {"elements": 1, "hopeless": 1, "crossing": 0}
+    assert report.untangling.left == {"elements": 1, "hopeless": 1, "crossing": 0}
 
 
 def test_nothing_can_move():
     points = np.array([[0.0, 0], [1, 0], [0.2, 0.2], [0, 1]])
     moved, report = untangled(Mesh(points, [Cells("quad", np.array([[0, 1, 2, 3]]))]))
     assert moved.tobytes() == points.tobytes()
-    assert report.untangling["left"]["hopeless"] == 1
+    assert report.untangling.left["hopeless"] == 1
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -265,7 +298,7 @@ def test_interrupting_leaves_the_best_mesh_reached(after):
 def test_the_time_limit_counts_for_both_stages():
     mesh = bump("quad", 40)
     _, report = dvr_cli.smooth(mesh.points, cells_of(mesh), untangle=True, time_limit=0)
-    assert report.untangling["stopped_because"] == "interrupted"
+    assert report.untangling.stopped_because == "interrupted"
     assert report.stopped_because == "time-limit"
     assert report.sweeps == []
 

@@ -1,6 +1,6 @@
 """Minimising a smooth function of many variables: L-BFGS with a weak-Wolfe line search.
 
-Nocedal & Wright, Numerical Optimization (2006), algorithms 7.4 and 7.5; the line search brackets and bisects
+Nocedal & Wright, Numerical Optimization (2006), algorithm 7.5; the line search brackets and bisects
 as in Lewis & Overton, Nonsmooth optimization via quasi-Newton methods (2013), algorithm 2.6. SciPy's L-BFGS-B
 adds up through BLAS, whose last bits depend on the number of threads; these sums do not.
 """
@@ -11,6 +11,8 @@ from collections import deque
 from collections.abc import Callable
 
 import numpy as np
+
+from dvr_cli.relax.lbfgs import Pair, descent
 
 Function = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
@@ -36,10 +38,10 @@ def minimise(
     """
     value, gradient = function(x)
     values = [value]
-    pairs: deque[tuple[np.ndarray, np.ndarray, float]] = deque(maxlen=_MEMORY)
+    pairs: deque[Pair] = deque(maxlen=_MEMORY)
     used = 1
     while used < evaluations:
-        direction = _direction(gradient, pairs)
+        direction = descent(gradient, pairs, _dot)
         largest = float(np.abs(gradient).max())
         if largest == 0:
             break
@@ -61,22 +63,6 @@ def minimise(
         if stop():
             break
     return x
-
-
-def _direction(gradient: np.ndarray, pairs: deque[tuple[np.ndarray, np.ndarray, float]]) -> np.ndarray:
-    """The two-loop recursion: minus the inverse Hessian that ``pairs`` stand for, times the gradient."""
-    q = -gradient
-    if not pairs:
-        return q
-    weights = []
-    for step, change, curvature in reversed(pairs):
-        weights.append(_dot(step, q) / curvature)
-        q -= weights[-1] * change
-    _, change, curvature = pairs[-1]
-    q *= curvature / _dot(change, change)
-    for (step, change, curvature), weight in zip(pairs, reversed(weights), strict=True):
-        q += (weight - _dot(change, q) / curvature) * step
-    return q
 
 
 def _line_search(

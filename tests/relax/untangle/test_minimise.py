@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize, rosen, rosen_der
 
-from dvr_cli.relax.untangle.lbfgs import minimise
+from dvr_cli.relax.untangle.minimise import minimise
 
 
 def test_a_quadratic_form_is_minimised_where_its_linear_system_is_solved():

@@ -1,0 +1,59 @@
+"""The phases of a run: what holds after every batch of each, and records of what they did."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from dvr_cli.relax.stopping import StopReason
+
+# What holds after every batch of a phase.
+GUARANTEES = {
+    "untangle": "there are never more inverted elements than in the input",
+    "morph": "no element is inverted or degenerate after any substep",
+    "relax": "the quality vector never decreases in the paper's ordering, so neither does Q1",
+    "patches": "the quality vector never decreases in the paper's ordering, so neither does Q1",
+    "polish": "Q1 stays at or above the floor, and that of the input; other components may decrease",
+}
+
+
+@dataclass(frozen=True)
+class Phase:
+    """What one phase did.
+
+    phase: its name, a key of GUARANTEES. sweeps: how many it made. stopped_because: why it ended.
+    """
+
+    phase: str
+    sweeps: int
+    stopped_because: StopReason
+
+    def record(self) -> dict[str, Any]:
+        """The phase as JSON-ready data, with what it guarantees."""
+        fields = asdict(self)
+        name = fields.pop("phase")
+        return {"phase": name, "guarantee": GUARANTEES[name], **fields}
+
+
+@dataclass(frozen=True)
+class Polished(Phase):
+    """A phase of polishing; floor: below which no quality fell."""
+
+    floor: float
+
+
+@dataclass(frozen=True)
+class Untangled(Phase):
+    """A phase of untangling; rounds: what each did, see ``untangle.phase.Round``; left: see ``left_over``."""
+
+    rounds: Sequence[Mapping[str, Any]]
+    left: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class Morphed(Phase):
+    """A phase of morphing; fraction: of the displacement that was made; substeps: what each did."""
+
+    fraction: float
+    substeps: Sequence[Mapping[str, Any]]
