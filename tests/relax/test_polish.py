@@ -147,7 +147,8 @@ def test_the_report_tells_the_phases_apart(kind):
         "polish"
     ] * second.sweeps
     reached = relaxed.after.q1
-    assert second.floor == max(0.9 * reached, report.before.q1)
+    # of two corners that are equally bad but for rounding, engine and report may each take the other one
+    assert second.floor == pytest.approx(max(0.9 * reached, report.before.q1), rel=1e-14, abs=0)
     assert report.after.q1 >= second.floor
     assert report.after.mean > relaxed.after.mean
     assert (report.after.q1, report.after.mean) == pytest.approx(
