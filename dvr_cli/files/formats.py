@@ -123,7 +123,14 @@ REGISTRY = (
     Format("su2", (".su2",)),
     Format("stl", (".stl",), meshio=("stl", {"binary": True})),
     Format("xdmf", (".xdmf", ".xmf")),
-    Format("med", (".med",)),
+    Format(
+        "med",
+        (".med", ".mmed", ".rmed"),
+        re.compile(rb"\x89HDF.*(ENS_MAA|INFOS_GENERALES|MED file)", re.DOTALL),
+        reader="med",
+        several=True,
+        converter=None,
+    ),
     Format("cgns", (".cgns",)),
     Format(
         "exodus",

@@ -74,3 +74,32 @@ def with_values(data: bytes, replaced: Mapping[str, np.ndarray]) -> bytes:
     except Exception as error:
         raise OutputError(f"HDF5 cannot write in place: {(str(error).splitlines() or [''])[0]}") from error
     return buffer.getvalue()
+
+
+def attribute(item: h5py.HLObject, name: str) -> Any:
+    """An attribute, None if there is none of this name.
+
+    h5py takes what is damaged for what is not there, but for its lists of names.
+    """
+    return item.attrs[name] if name in list(item.attrs) else None
+
+
+def members(parent: h5py.Group, path: str = "") -> dict[str, Any]:
+    """What is in the group of this path below ``parent``, nothing if there is none."""
+    item = _item(parent, path) if path else parent
+    return {name: item[name] for name in item} if hasattr(item, "keys") else {}
+
+
+def dataset_at(parent: h5py.Group, path: str) -> h5py.Dataset | None:
+    """The dataset of this path, None if there is none."""
+    item = _item(parent, path)
+    return item if hasattr(item, "dtype") else None
+
+
+def _item(parent: h5py.Group, path: str) -> Any:
+    """What is at this path, None for nothing; see ``attribute`` for damage."""
+    for name in path.split("/"):
+        if not hasattr(parent, "keys") or name not in list(parent):
+            return None
+        parent = parent[name]
+    return parent

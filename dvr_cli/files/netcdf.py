@@ -278,12 +278,12 @@ class _Hdf5(NetCDF):
     """A netCDF-4 file."""
 
     def __init__(self, file: h5py.File) -> None:
-        members = {name: file.get(name) for name in file}
+        members = {name: file[name] for name in file}
         self._sets = {name: item for name, item in members.items() if hasattr(item, "dtype")}
         self.dimensions = {
             name: dataset.shape[0]
             for name, dataset in self._sets.items()
-            if dataset.shape and hdf5.text(dataset.attrs.get("CLASS")) == "DIMENSION_SCALE"
+            if dataset.shape and hdf5.text(hdf5.attribute(dataset, "CLASS")) == "DIMENSION_SCALE"
         }
 
     @property
@@ -294,4 +294,4 @@ class _Hdf5(NetCDF):
         return hdf5.values(self._sets[name])
 
     def text_attribute(self, variable: str, name: str) -> str:
-        return hdf5.text(self._sets[variable].attrs.get(name))
+        return hdf5.text(hdf5.attribute(self._sets[variable], name))

@@ -19,10 +19,14 @@ from dvr_cli.mesh.mesh import Mesh
 
 @dataclass(frozen=True)
 class InputFile:
-    """The bytes of a mesh file, and where it is; path: None for a pipe."""
+    """The bytes of a mesh file, and where it is.
+
+    path: None for a pipe. mesh: the name of the mesh to read, None for the only one in the file.
+    """
 
     data: bytes
     path: Path | None
+    mesh: str | None = None
 
     def beside(self, name: str | Path) -> bytes:
         """The bytes of another file the mesh consists of; name: its path, relative to this file's directory.

@@ -4,57 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import BinaryIO
 
 import numpy as np
 
 from dvr_cli.errors import InputError
+from dvr_cli.files.container import ContainerSource, CoordinateArray
 from dvr_cli.files.exodus.contents import beyond_mesh
 from dvr_cli.files.exodus.elements import NODE_ORDER, element_type
 from dvr_cli.files.exodus.variables import element_variables, nodal_variables
 from dvr_cli.files.netcdf import NetCDF, open_netcdf, with_values
-from dvr_cli.files.source import Source, differing
 from dvr_cli.mesh.mesh import Cells, Mesh
 
 
-class ExodusSource(Source):
+class ExodusSource(ContainerSource):
     """An Exodus file."""
 
     format = "exodus"
-
-    def __init__(self, data: bytes, mesh: Mesh, coordinates: _Coordinates, unread: list[str]) -> None:
-        super().__init__()
-        self.mesh = mesh
-        self.unread = unread
-        self._data = data
-        self._coordinates = coordinates
-
-    def write(self, points: np.ndarray, file: BinaryIO) -> None:
-        """Write the file with the coordinates ``points`` ((N, 2) or (N, 3)), rounded if it stores float32."""
-        points = self.stored(points)
-        if not differing(points, self.mesh.points).any():
-            file.write(self._data)
-            return
-        names = self._coordinates.names
-        arrays = {names[0]: points.T} if len(names) == 1 else dict(zip(names, points.T, strict=True))
-        file.write(with_values(self._data, arrays))
-
-    def stored(self, points: np.ndarray) -> np.ndarray:
-        """The coordinates a reader of the output gets: rounded to float32 where the file stores these."""
-        with np.errstate(over="ignore"):
-            columns = [
-                column.astype(dtype).astype(np.float64)
-                for column, dtype in zip(points.T, self._coordinates.types, strict=True)
-            ]
-        return np.stack(columns, axis=1)
-
-
-@dataclass(frozen=True)
-class _Coordinates:
-    """names: of the variable that holds all coordinates, or of one for each; types: of each coordinate."""
-
-    names: list[str]
-    types: list[np.dtype]
+    with_values = staticmethod(with_values)
 
 
 @dataclass(frozen=True)
@@ -83,7 +49,7 @@ def read(data: bytes) -> ExodusSource:
             raise InputError(
                 f"it is one of the {file.length('num_processors')} parts of a mesh; join them first (epu)"
             )
-        points, coordinates = _read_coordinates(file)
+        points, arrays = _read_coordinates(file)
         blocks = _read_blocks(file, len(points), points.shape[1])
         numbers = [block.number for block in blocks]
         ids = _ids(file, "eb_prop1", file.length("num_el_blk"))
@@ -104,26 +70,30 @@ def read(data: bytes) -> ExodusSource:
         mesh.cell_sets |= _element_sets(file, blocks, mesh.cell_sets)
         mesh.point_sets = _node_sets(file, len(points))
         mesh.facet_sets = _side_sets(file, blocks)
-        return ExodusSource(data, mesh, coordinates, beyond_mesh(file))
+        return ExodusSource(data, mesh, arrays, beyond_mesh(file))
 
 
-def _read_coordinates(file: NetCDF) -> tuple[np.ndarray, _Coordinates]:
+def _read_coordinates(file: NetCDF) -> tuple[np.ndarray, list[CoordinateArray]]:
     """The (N, 2) or (N, 3) points, and where they are stored."""
     dimension, n = file.length("num_dim"), file.length("num_nodes")
     if dimension not in (2, 3) or n == 0:
         raise InputError(f"it has {n} nodes of {dimension} coordinates; 2 or 3 coordinates are possible")
-    names = ["coord"] if "coord" in file else [f"coord{axis}" for axis in "xyz"[:dimension]]
-    missing = [name for name in names if name not in file]
-    if missing:
-        raise InputError(f"it has no variable {missing[0]}")
-    arrays = [file.array(name) for name in names]
-    for name, array in zip(names, arrays, strict=True):
-        expected = (dimension, n) if name == "coord" else (n,)
-        if array.shape != expected or array.dtype.kind != "f":
+    points = np.empty((n, dimension))
+    places: list[tuple[str, tuple[int, ...], tuple[int, ...]]]
+    if "coord" in file:
+        places = [("coord", tuple(range(dimension)), (dimension, n))]
+    else:
+        places = [(f"coord{axis}", (i,), (n,)) for i, axis in enumerate("xyz"[:dimension])]
+    arrays = []
+    for name, axes, shape in places:
+        if name not in file:
+            raise InputError(f"it has no variable {name}")
+        values = file.array(name)
+        if values.shape != shape or values.dtype.kind != "f":
             raise InputError(f"the variable {name} does not hold a number for each of {n} nodes")
-    columns = list(arrays[0]) if names == ["coord"] else arrays
-    points = np.stack([column.astype(np.float64) for column in columns], axis=1)
-    return points, _Coordinates(names, [column.dtype for column in columns])
+        points[:, axes] = values.reshape(-1, n).T
+        arrays.append(CoordinateArray(name, slice(None), axes, shape, values.dtype))
+    return points, arrays
 
 
 def _read_blocks(file: NetCDF, n_points: int, dimension: int) -> list[_Block]:
@@ -165,7 +135,7 @@ def _node_sets(file: NetCDF, n_points: int) -> dict[str, np.ndarray]:
     ids = _ids(file, "ns_prop1", file.length("num_node_sets"))
     result = {}
     for i, name in enumerate(_names(file, "ns_names", "nodelist", ids)):
-        members = file.integers(f"node_ns{i + 1}").ravel()
+        members = _members(file, f"node_ns{i + 1}", f"num_nod_ns{i + 1}")
         _check_numbers(members, n_points, "node", f"node set {name}")
         result[name] = members - 1
     return result
@@ -177,7 +147,7 @@ def _element_sets(file: NetCDF, blocks: list[_Block], taken: Collection[str]) ->
     starts = _starts(file, blocks)
     result = {}
     for i, name in enumerate(_names(file, "els_names", "elemset", ids, taken)):
-        members = file.integers(f"elem_els{i + 1}").ravel()
+        members = _members(file, f"elem_els{i + 1}", f"num_ele_els{i + 1}")
         _check_numbers(members, _element_count(file), "element", f"element set {name}")
         result[name] = [
             np.unique(members[(members > start) & (members <= start + len(block.cells.vertices))]) - 1 - start
@@ -192,10 +162,8 @@ def _side_sets(file: NetCDF, blocks: list[_Block]) -> dict[str, np.ndarray]:
     starts = _starts(file, blocks)
     result = {}
     for i, name in enumerate(_names(file, "ss_names", "surface", ids)):
-        elements = file.integers(f"elem_ss{i + 1}").ravel()
-        sides = file.integers(f"side_ss{i + 1}").ravel()
-        if len(elements) != len(sides):
-            raise InputError(f"side set {name} has {len(elements)} elements, but {len(sides)} sides")
+        elements = _members(file, f"elem_ss{i + 1}", f"num_side_ss{i + 1}")
+        sides = _members(file, f"side_ss{i + 1}", f"num_side_ss{i + 1}")
         _check_numbers(elements, _element_count(file), "element", f"side set {name}")
         facets = []
         for start, block in zip(starts, blocks, strict=True):
@@ -208,6 +176,14 @@ def _side_sets(file: NetCDF, blocks: list[_Block]) -> dict[str, np.ndarray]:
             facets.append(np.where(local < 0, -1, rows))
         result[name] = _stacked(facets)
     return result
+
+
+def _members(file: NetCDF, variable: str, dimension: str) -> np.ndarray:
+    """The numbers in a variable that lists members of a set; empty sets may be without it."""
+    numbers = file.integers(variable).ravel()
+    if len(numbers) != file.length(dimension):
+        raise InputError(f"{variable} should list {file.length(dimension)} members, but has {len(numbers)}")
+    return numbers
 
 
 def _stacked(rows: list[np.ndarray]) -> np.ndarray:
