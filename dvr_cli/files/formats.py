@@ -101,7 +101,16 @@ REGISTRY = (
         converter=None,
     ),
     Format("vtu", (".vtu",), re.compile(_XML + rb"<VTKFile", re.DOTALL), reader="vtkxml.vtu"),
-    Format("medit", (".mesh", ".meshb"), re.compile(_COMMENTS + rb"MeshVersionFormatted")),
+    Format(
+        "medit",
+        (".mesh", ".meshb"),
+        re.compile(
+            rb"(\xef\xbb\xbf)?" + _COMMENTS + rb"MeshVersionFormatted"
+            rb"|\x01\0\0\0[\1-\4]\0\0\0\x03\0\0\0|\0\0\0\x01\0\0\0[\1-\4]\0\0\0\x03"  # binary
+        ),
+        reader="medit",
+        converter="medit",
+    ),
     Format("off", (".off",), re.compile(_COMMENTS + rb"(C?O?FF)\b")),
     Format("ply", (".ply",), re.compile(rb"ply\r?\n")),
     Format(

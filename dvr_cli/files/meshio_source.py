@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -22,12 +21,6 @@ from dvr_cli.files.formats import format_named
 from dvr_cli.files.source import InputFile, Source
 from dvr_cli.mesh.convert import from_meshio, to_meshio
 from dvr_cli.mesh.mesh import Mesh
-
-# The sections of a MEDIT file that end up in the mesh, and the words around them.
-_MEDIT_READ = frozenset(
-    b"MeshVersionFormatted Dimension Vertices Edges Triangles Quadrilaterals Tetrahedra Hexahedra Hexaedra "
-    b"Prisms Pyramids End".split()
-)
 
 
 class MeshioSource(Source):
@@ -48,7 +41,7 @@ class MeshioSource(Source):
     def stored(self, points: np.ndarray) -> np.ndarray:
         """The coordinates that meshio reads back from what it writes; finds out, too, what is lost."""
         back = self._written(points)[1]
-        self.notes = [*self.unread, *_lost(self.mesh, back, points)]
+        self.notes = [*self.unread, *lost(self.mesh, back, points)]
         return back.points[: len(points), : points.shape[1]]
 
     def with_cell_field(self, name: str, values: list[np.ndarray], points: np.ndarray) -> MeshioSource:
@@ -109,17 +102,11 @@ def read_path(path: Path, format_name: str) -> MeshioSource:
 
     with _guarded(InputError, f"not readable as {format_name}") as printed:
         mesh = from_meshio(meshio.read(path, file_format=format_name))
-    return MeshioSource(mesh, format_name, _unread(path, format_name, printed.getvalue()))
+    return MeshioSource(mesh, format_name, _warnings(printed.getvalue()))
 
 
-def _unread(path: Path, format_name: str, printed: str) -> list[str]:
-    """What meshio left out when it read a file: it prints so, but drops parts of MEDIT files in silence."""
-    data = path.read_bytes() if format_name == "medit" else b""
-    if data.isascii():
-        keywords = dict.fromkeys(re.findall(rb"^[ \t]*([A-Z]\w+)", data, re.MULTILINE))
-        names = [name.decode() for name in keywords if name not in _MEDIT_READ]
-        if names:
-            return [f"sections not read, and so not kept: {', '.join(names)}"]
+def _warnings(printed: str) -> list[str]:
+    """What meshio left out when it read a file, as it printed."""
     warnings = " ".join(printed.split()).split("Warning: ")
     return [f"meshio on reading: {warning.strip()}" for warning in warnings if warning.strip()]
 
@@ -144,7 +131,7 @@ def _guarded(error: type[DvrError], what: str) -> Iterator[io.StringIO]:
         raise error(f"{what}: {reason}") from cause
 
 
-def _lost(mesh: Mesh, back: Mesh, points: np.ndarray) -> list[str]:
+def lost(mesh: Mesh, back: Mesh, points: np.ndarray) -> list[str]:
     """What of ``mesh`` is not in ``back``, as one line a kind."""
     lost = []
     if not np.array_equal(back.points[:, : points.shape[1]], points):

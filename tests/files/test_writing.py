@@ -301,42 +301,6 @@ def test_data_whose_values_change_are_said(tmp_path, capsys):
     assert column.notes == ["point data with other values or shapes: u"]
 
 
-MEDIT = """MeshVersionFormatted 2
-Dimension 2
-Vertices
-5
-0 0 1
-1 0 1
-1 1 1
-0 1 1
-.8 .9 0
-Triangles
-4
-1 2 5 7
-2 3 5 7
-3 4 5 7
-4 1 5 7
-Corners
-2
-1 2
-Ridges
-1
-1
-End
-"""
-
-
-def test_sections_that_meshio_drops_are_said(tmp_path, capsys):
-    source = tmp_path / "in.mesh"
-    source.write_text(MEDIT)
-    for name in ("out.mesh", "out.vtk"):
-        assert smooth(source, tmp_path / name) == 0
-        assert "sections not read, and so not kept: Corners, Ridges\n" in capsys.readouterr().err
-    source.write_text(MEDIT.replace("Corners\n2\n1 2\nRidges\n1\n1\n", ""))
-    assert smooth(source, tmp_path / "out.mesh") == 0
-    assert "note:" not in capsys.readouterr().err
-
-
 def test_what_is_beyond_the_mesh_of_an_obj_is_said_in_other_formats(tmp_path, capsys):
     source = tmp_path / "in.obj"
     corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv .8 .9 0\n"
@@ -349,7 +313,7 @@ def test_what_is_beyond_the_mesh_of_an_obj_is_said_in_other_formats(tmp_path, ca
 
 
 def test_binary_medit_is_told_by_its_suffix(tmp_path):
-    """meshio looks at the name of the file."""
+    """Programs look at the name of the file."""
     output = tmp_path / "out.meshb"
     assert smooth(fan(tmp_path / "in.mesh", "medit"), output) == 0
     assert output.read_bytes()[:4] in (b"\x01\0\0\0", b"\0\0\0\x01")

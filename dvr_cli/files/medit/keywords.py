@@ -1,0 +1,142 @@
+"""The keywords of MEDIT files: elements, what belongs to them, and the numbers binary files give them."""
+
+from __future__ import annotations
+
+# Keyword: meshio's type of the cell, number of its nodes. Gmsh and others leave the h out of hexahedra.
+ELEMENTS: dict[str, tuple[str, int]] = {
+    "Edges": ("line", 2),
+    "Triangles": ("triangle", 3),
+    "Quadrilaterals": ("quad", 4),
+    "Tetrahedra": ("tetra", 4),
+    "Pyramids": ("pyramid", 5),
+    "Prisms": ("wedge", 6),
+    "Hexahedra": ("hexahedron", 8),
+    "Hexaedra": ("hexahedron", 8),
+    "EdgesP2": ("line3", 3),
+    "TrianglesP2": ("triangle6", 6),
+    "QuadrilateralsQ2": ("quad9", 9),
+    "TetrahedraP2": ("tetra10", 10),
+    "PyramidsP2": ("pyramid14", 14),
+    "PrismsP2": ("wedge18", 18),
+    "HexahedraQ2": ("hexahedron27", 27),
+}
+
+# For types whose nodes a file may list in an order of its own: twice the barycentric coordinates of each node
+# in the usual order, which is meshio's, too.
+ORDERINGS: dict[str, list[tuple[int, ...]]] = {
+    "EdgesP2": [(0,), (2,), (1,)],
+    "TrianglesP2": [(2, 0, 0), (0, 2, 0), (0, 0, 2), (1, 1, 0), (0, 1, 1), (1, 0, 1)],
+    "TetrahedraP2": [
+        *[(2, 0, 0, 0), (0, 2, 0, 0), (0, 0, 2, 0), (0, 0, 0, 2)],
+        *[(1, 1, 0, 0), (0, 1, 1, 0), (1, 0, 1, 0), (1, 0, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1)],
+    ],
+}
+
+_HIGHER = ("EdgesP", "TrianglesP", "QuadrilateralsQ", "TetrahedraP", "PyramidsP", "PrismsP", "HexahedraQ")
+# What a mesh with such a section holds that cannot be relaxed.
+UNSUPPORTED: dict[str, str] = {
+    **{f"{name}{order}": "cells of order 3 or 4" for name in _HIGHER for order in (3, 4)},
+    **{f"ExtraVerticesAt{name}": "nodes of curved cells apart from them" for name in ELEMENTS},
+    "Polyhedra": "polyhedra",
+    "Polygons": "polygons",
+}
+
+# Sections of text that hold values instead of a count and rows.
+UNCOUNTED = frozenset(
+    {
+        *("MeshVersionFormatted", "Dimension", "AngleOfCornerBound", "MaximalAngleOfCorner", "Identifier"),
+        *("Geometry", "BoundingBox", "Iterations", "Time", "BezierBasis", "FloatingPointPrecision", "End"),
+    }
+)
+
+# Sections of rows of as many numbers, not whole ones, as the mesh has dimensions.
+VECTORS = frozenset({"Tangents", "Normals"})
+
+MESH_VERSION, DIMENSION, VERTICES, END, PRECISION = 1, 3, 4, 54, 155
+# The number of each keyword in binary files.
+NAMES: dict[int, str] = {
+    MESH_VERSION: "MeshVersionFormatted",
+    DIMENSION: "Dimension",
+    VERTICES: "Vertices",
+    5: "Edges",
+    6: "Triangles",
+    7: "Quadrilaterals",
+    8: "Tetrahedra",
+    9: "Prisms",
+    10: "Hexahedra",
+    13: "Corners",
+    14: "Ridges",
+    15: "RequiredVertices",
+    16: "RequiredEdges",
+    17: "RequiredTriangles",
+    18: "RequiredQuadrilaterals",
+    19: "TangentAtEdgeVertices",
+    20: "NormalAtVertices",
+    21: "NormalAtTriangleVertices",
+    22: "NormalAtQuadrilateralVertices",
+    23: "AngleOfCornerBound",
+    24: "TrianglesP2",
+    25: "EdgesP2",
+    27: "QuadrilateralsQ2",
+    29: "SubDomainFromGeom",
+    30: "TetrahedraP2",
+    33: "HexahedraQ2",
+    34: "ExtraVerticesAtEdges",
+    35: "ExtraVerticesAtTriangles",
+    36: "ExtraVerticesAtQuadrilaterals",
+    37: "ExtraVerticesAtTetrahedra",
+    38: "ExtraVerticesAtPrisms",
+    39: "ExtraVerticesAtHexahedra",
+    40: "VerticesOnGeometricVertices",
+    41: "VerticesOnGeometricEdges",
+    42: "VerticesOnGeometricTriangles",
+    43: "VerticesOnGeometricQuadrilaterals",
+    44: "EdgesOnGeometricEdges",
+    46: "Polyhedra",
+    47: "Polygons",
+    49: "Pyramids",
+    50: "BoundingBox",
+    END: "End",
+    59: "Tangents",
+    60: "Normals",
+    61: "TangentAtVertices",
+    62: "SolAtVertices",
+    82: "PeriodicVertices",
+    83: "PeriodicEdges",
+    84: "PeriodicTriangles",
+    85: "PeriodicQuadrilaterals",
+    86: "PrismsP2",
+    87: "PyramidsP2",
+    88: "QuadrilateralsQ3",
+    89: "QuadrilateralsQ4",
+    90: "TrianglesP3",
+    91: "TrianglesP4",
+    92: "EdgesP3",
+    93: "EdgesP4",
+    96: "TetrahedraP3",
+    97: "TetrahedraP4",
+    98: "HexahedraQ3",
+    99: "HexahedraQ4",
+    100: "PyramidsP3",
+    101: "PyramidsP4",
+    102: "PrismsP3",
+    103: "PrismsP4",
+    127: "EdgesP2Ordering",
+    129: "TrianglesP2Ordering",
+    131: "QuadrilateralsQ2Ordering",
+    133: "TetrahedraP2Ordering",
+    135: "PyramidsP2Ordering",
+    137: "PrismsP2Ordering",
+    139: "HexahedraQ2Ordering",
+    PRECISION: "FloatingPointPrecision",
+}
+
+# Sections of whole numbers, beside the elements.
+WHOLE = frozenset(
+    {
+        *("Corners", "Ridges", "RequiredVertices", "RequiredEdges", "RequiredTriangles"),
+        *("RequiredQuadrilaterals", "NormalAtVertices", "NormalAtTriangleVertices"),
+        *("NormalAtQuadrilateralVertices", "TangentAtVertices", "TangentAtEdgeVertices"),
+        *("PeriodicVertices", "PeriodicEdges", "PeriodicTriangles", "PeriodicQuadrilaterals"),
+    }
+)
