@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dvr_cli.mesh.corners import DIMENSION
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import Domain
-from dvr_cli.mesh.facets import facets_of, numbered
+from dvr_cli.mesh.facets import facets_of, numbered, outlines
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.regions import regions_of
 from dvr_cli.mesh.second_order import linear_cells
@@ -55,12 +55,14 @@ def constraints_of(mesh: Mesh, domain: Domain) -> Constraints:
     fixed = np.zeros(n_points, dtype=bool)
     fixed[mesh.periodic.ravel()] = True
     for b, block in enumerate(linear):
-        rank = 1 if block.type == "line" else DIMENSION.get(block.type, 0)
-        if rank == d - 1 and block.vertices.shape[1] <= width:
+        if not len(block.vertices):
+            continue
+        cell_type = CELL_TYPES[block.type]
+        if cell_type.dimension == d - 1 and cell_type.nodes <= width:
             sheets.append(b)
-        elif rank == 1:
+        elif block.type == "line":
             wires.append(b)
-        elif rank < d:
+        elif cell_type.dimension < d:
             fixed[block.vertices] = True
 
     # whichever order the facets are in, take the same one of two: that of the lower region, or the first
@@ -114,7 +116,8 @@ def surface_constraints(mesh: Mesh, domain: Domain) -> Constraints:
     wires = [b for b, block in enumerate(linear) if block.type == "line"]
     wire = _rows(linear, wires, 2)
     width = max(block.vertices.shape[1] for block in domain.cells)
-    facets = _rows(domain.cells, list(range(len(domain.cells))), width)
+    cells = [Cells(block.type, outlines(block)) for block in domain.cells]
+    facets = _rows(cells, list(range(len(cells))), width)
     lines, line_label, found = _lines(wire, regions_of(mesh, wires), facets, len(mesh.points))
     _fix(fixed, wire[~found])
     return Constraints(

@@ -6,7 +6,7 @@ import numpy as np
 
 from dvr_cli.boundary.smooth_parts import triangulated
 from dvr_cli.mesh.domain import Domain
-from dvr_cli.mesh.facets import facets_of
+from dvr_cli.mesh.facets import facets_of, outlines
 
 
 def extent(domain: Domain, points: np.ndarray) -> tuple[float | None, float]:
@@ -21,7 +21,7 @@ def extent(domain: Domain, points: np.ndarray) -> tuple[float | None, float]:
     if points.shape[1] == 2:
         a, b = centred[outer[:, 0]], centred[outer[:, 1]]
         return None, 0.5 * abs(float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()))
-    faces = [block.vertices for block in domain.cells] if domain.is_surface else [outer]
+    faces = [outlines(block) for block in domain.cells] if domain.is_surface else [outer]
     triangles = np.concatenate([triangulated(face)[0] for face in faces])
     a, b, c = (centred[corner] for corner in triangles.T)
     normal = np.cross(b - a, c - a)

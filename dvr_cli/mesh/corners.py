@@ -15,70 +15,14 @@ once for every choice of origin; a ring then treats all element types alike.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from itertools import permutations
 
 import numpy as np
 
 from dvr_cli.errors import InputError
+from dvr_cli.mesh.cell_types import CELL_TYPES, CellType, relaxed_dimension
 from dvr_cli.mesh.mesh import Cells
-
-# Node numbering is meshio's, that of VTK and Gmsh for linear cells:
-#
-#   quad          hexahedron           wedge             pyramid
-#   3---2         bottom 0 1 2 3       bottom 0 1 2      base 0 1 2 3
-#   |   |         top    4 5 6 7       top    3 4 5      apex 4
-#   0---1
-#
-# Each corner lists its own vertex first, then the far ends of its edges, so that a positively oriented
-# element has positive determinants only.
-CORNERS: dict[str, tuple[tuple[int, ...], ...]] = {
-    "triangle": ((0, 1, 2),),
-    "quad": ((0, 1, 3), (1, 2, 0), (2, 3, 1), (3, 0, 2)),
-    "tetra": ((0, 1, 2, 3),),
-    "hexahedron": (
-        (0, 1, 3, 4),
-        (1, 2, 0, 5),
-        (2, 3, 1, 6),
-        (3, 0, 2, 7),
-        (4, 7, 5, 0),
-        (5, 4, 6, 1),
-        (6, 5, 7, 2),
-        (7, 6, 4, 3),
-    ),
-    "wedge": ((0, 1, 2, 3), (1, 2, 0, 4), (2, 0, 1, 5), (3, 5, 4, 0), (4, 3, 5, 1), (5, 4, 3, 2)),
-    "pyramid": ((0, 1, 3, 4), (1, 2, 0, 4), (2, 3, 1, 4), (3, 0, 2, 4)),
-}
-
-_H = np.sqrt(3.0) / 2.0
-_REGULAR_TRIANGLE = np.array([[0, 0], [1, 0], [0.5, _H]])
-_SQUARE_CORNER = np.array([[0, 0], [1, 0], [0, 1.0]])
-_REGULAR_TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0.5, _H, 0], [0.5, _H / 3, np.sqrt(2 / 3)]])
-_CUBE_CORNER = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
-_WEDGE_LOWER = np.array([[0, 0, 0], [1, 0, 0], [0.5, _H, 0], [0, 0, 1.0]])
-_WEDGE_UPPER = _WEDGE_LOWER[[0, 2, 1, 3]] * [1, 1, -1]  # seen from the top the triangle turns the other way
-_PYRAMID_BASE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.5, np.sqrt(0.5)]])
-
-# Target simplex of each corner, vertices in the order of CORNERS.
-_TARGETS: dict[str, tuple[np.ndarray, ...]] = {
-    "triangle": (_REGULAR_TRIANGLE,),
-    "quad": (_SQUARE_CORNER,) * 4,
-    "tetra": (_REGULAR_TETRAHEDRON,),
-    "hexahedron": (_CUBE_CORNER,) * 8,
-    "wedge": (_WEDGE_LOWER,) * 3 + (_WEDGE_UPPER,) * 3,
-    "pyramid": (_PYRAMID_BASE,) * 4,
-}
-
-# Node order of the mirror image: what turns an element stored inside out into a positive one.
-MIRROR: dict[str, tuple[int, ...]] = {
-    "triangle": (0, 2, 1),
-    "quad": (0, 3, 2, 1),
-    "tetra": (0, 2, 1, 3),
-    "hexahedron": (4, 5, 6, 7, 0, 1, 2, 3),
-    "wedge": (3, 4, 5, 0, 1, 2),
-    "pyramid": (0, 3, 2, 1, 4),
-}
-
-DIMENSION: dict[str, int] = {name: targets[0].shape[1] for name, targets in _TARGETS.items()}
 
 
 def target_matrix(target: np.ndarray) -> np.ndarray:
@@ -109,47 +53,56 @@ ORIGIN_FIRST = {d: np.array([_even_permutation(p, d + 1) for p in range(d + 1)])
 class ShapeTable:
     """The distinct target matrices of one dimension, as the engines read them.
 
+    matrices: (S, d, d) M of each.
     norm: (S, d(d+1)/2) coefficients of s: first those of e_j·e_j, then 2 M_jk for e_j·e_k in the order
         (0,1), (0,2), (1,2).
     slope: (S, d) row sums of M: ds/dx along a unit direction u is -2 Σ_j slope_j u·e_j.
     curvature: (S,) sum of all M_jk: the coefficient of λ² in s along a unit direction.
     """
 
+    matrices: np.ndarray
     norm: np.ndarray
     slope: np.ndarray
     curvature: np.ndarray
 
 
-def _build_tables() -> tuple[dict[int, ShapeTable], dict[str, np.ndarray]]:
-    """The shape table of each dimension, and per cell type the (corners, d+1) shapes by origin."""
-    matrices: dict[int, list[np.ndarray]] = {2: [], 3: []}
-    shapes: dict[str, np.ndarray] = {}
-    for name, targets in _TARGETS.items():
-        d = DIMENSION[name]
-        known = matrices[d]
-        rows = np.empty((len(targets), d + 1), dtype=np.uint8)
-        for c, target in enumerate(targets):
-            for p, order in enumerate(ORIGIN_FIRST[d]):
-                m = target_matrix(target[order])
-                same = [i for i, other in enumerate(known) if np.abs(m - other).max() < 1e-12]
-                if not same:
-                    known.append(m)
-                rows[c, p] = same[0] if same else len(known) - 1
-        shapes[name] = rows
-    tables = {}
-    for d, known in matrices.items():
-        m = np.array(known)
-        j, k = np.triu_indices(d, 1)
-        diagonal = np.einsum("sjj->sj", m)
-        tables[d] = ShapeTable(
-            norm=np.ascontiguousarray(np.hstack([diagonal, 2.0 * m[:, j, k]])),
-            slope=np.ascontiguousarray(m.sum(axis=2)),
-            curvature=np.ascontiguousarray(m.sum(axis=(1, 2))),
-        )
-    return tables, shapes
+def _table(matrices: np.ndarray) -> ShapeTable:
+    """The table with these (S, d, d) target matrices."""
+    j, k = np.triu_indices(matrices.shape[1], 1)
+    diagonal = np.einsum("sjj->sj", matrices)
+    return ShapeTable(
+        matrices=matrices,
+        norm=np.ascontiguousarray(np.hstack([diagonal, 2.0 * matrices[:, j, k]])),
+        slope=np.ascontiguousarray(matrices.sum(axis=2)),
+        curvature=np.ascontiguousarray(matrices.sum(axis=(1, 2))),
+    )
 
 
-SHAPES, CORNER_SHAPES = _build_tables()
+# The tables of all cell types that corners have been made of; new types add rows at the end.
+SHAPES: dict[int, ShapeTable] = {d: _table(np.empty((0, d, d))) for d in (2, 3)}
+
+
+@cache
+def corner_shapes(cell_type: CellType) -> np.ndarray:
+    """(c, d+1) the row of the shape table of each corner of a cell type, for each choice of origin."""
+    d = cell_type.dimension
+    known = list(SHAPES[d].matrices)
+    rows = np.empty((len(cell_type.targets), d + 1), dtype=np.uint8)
+    for c, target in enumerate(cell_type.targets):
+        for p, order in enumerate(ORIGIN_FIRST[d]):
+            m = target_matrix(target[order])
+            same = [i for i, other in enumerate(known) if np.abs(m - other).max() < 1e-12]
+            if not same:
+                known.append(m)
+            rows[c, p] = same[0] if same else len(known) - 1
+    if len(known) > len(SHAPES[d].matrices):
+        SHAPES[d] = _table(np.array(known))
+    return rows
+
+
+for _known in CELL_TYPES.values():
+    if _known.corners:
+        corner_shapes(_known)
 
 
 @dataclass(frozen=True)
@@ -178,11 +131,12 @@ def corners_of(blocks: list[Cells], dimension: int) -> Corners:
     """
     vertices, shapes, counts = [], [], []
     for block in blocks:
-        if DIMENSION.get(block.type) != dimension:
+        if relaxed_dimension(block.type) != dimension:
             raise InputError(f"cells of type {block.type!r} cannot be relaxed in {dimension}D")
-        local = np.array(CORNERS[block.type])
+        cell_type = CELL_TYPES[block.type]
+        local = np.array(cell_type.corners)
         vertices.append(block.vertices[:, local].reshape(-1, dimension + 1).astype(np.int32, copy=False))
-        shapes.append(np.tile(CORNER_SHAPES[block.type], (len(block.vertices), 1)))
+        shapes.append(np.tile(corner_shapes(cell_type), (len(block.vertices), 1)))
         counts.append(np.full(len(block.vertices), len(local)))
     first = np.concatenate([[0], np.cumsum(np.concatenate([np.empty(0, np.int64), *counts]))])
     empty = np.empty((0, dimension + 1))

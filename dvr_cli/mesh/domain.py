@@ -14,17 +14,17 @@ import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.errors import InputError
-from dvr_cli.mesh.corners import DIMENSION, Corners, corners_of
+from dvr_cli.mesh.cell_types import CELL_TYPES, relaxed_dimension
+from dvr_cli.mesh.corners import Corners, corners_of
 from dvr_cli.mesh.interior import enclosed
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.orientation import mirrored_cells, unlike_cells, with_mirrored
 from dvr_cli.mesh.plane import Plane, plane_of
 from dvr_cli.mesh.regions import regions_of
-from dvr_cli.mesh.second_order import NODES, MidNodes, linear_cells, mid_nodes
+from dvr_cli.mesh.second_order import MidNodes, linear_cells, mid_nodes
 from dvr_cli.mesh.simplex import determinants
 
 _LARGEST = 1e50  # its sixth power, which comparing tetrahedra takes, is still a number
-LOWER = ("vertex", "line", "line4")  # cells of dimension below 2 that may come along
 
 
 @dataclass(frozen=True)
@@ -117,12 +117,14 @@ def domain_of(mesh: Mesh, straighten: bool = False, backend: Backend = NUMPY) ->
     """
     _check_values(mesh)
     linear = linear_cells(mesh.cells)
-    dimension = max((DIMENSION.get(block.type, 0) for block in linear if len(block.vertices)), default=0)
+    dimension = max(
+        (relaxed_dimension(block.type) or 0 for block in linear if len(block.vertices)), default=0
+    )
     _check_types(linear, dimension)
     if dimension > mesh.points.shape[1]:
         raise InputError("volume cells need three coordinates, the points have 2")
     mids = mid_nodes(mesh, straighten)
-    chosen = [b for b, block in enumerate(linear) if DIMENSION.get(block.type) == dimension]
+    chosen = [b for b, block in enumerate(linear) if relaxed_dimension(block.type) == dimension]
     stored = [Cells(linear[b].type, linear[b].vertices.astype(np.int32)) for b in chosen]
     first = np.concatenate([[0], np.cumsum([len(block.vertices) for block in mesh.cells])])
     points, plane = mesh.points, None
@@ -183,7 +185,7 @@ def _used(cells: list[Cells], n_points: int) -> np.ndarray:
 def _check_types(cells: list[Cells], dimension: int) -> None:
     types = [block.type for block in cells if len(block.vertices)]
     for name in types:
-        if name not in DIMENSION and name not in LOWER:
+        if name not in CELL_TYPES:
             raise InputError(f"cells of type {name!r} are not supported")
     if not types:
         raise InputError("the mesh has no cells")
@@ -209,7 +211,7 @@ def _check_values(mesh: Mesh) -> None:
         vertices = block.vertices
         if not len(vertices):
             continue
-        nodes = NODES.get(block.type, vertices.shape[-1])
+        nodes = CELL_TYPES[block.type].nodes if block.type in CELL_TYPES else vertices.shape[-1]
         if vertices.ndim != 2 or vertices.shape[1] != nodes or vertices.dtype.kind not in "iu":
             raise InputError(
                 f"{block.type} cells given as {vertices.dtype} array of shape {vertices.shape}; "

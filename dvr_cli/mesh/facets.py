@@ -12,24 +12,20 @@ from functools import cached_property
 import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
+from dvr_cli.mesh.cell_types import CELL_TYPES, CellType
 from dvr_cli.mesh.mesh import Cells
 
-# Vertices in positive order: outward by the right-hand rule, counterclockwise for planar cells.
-FACETS: dict[str, tuple[tuple[int, ...], ...]] = {
-    "triangle": ((0, 1), (1, 2), (2, 0)),
-    "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
-    "tetra": ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)),
-    "hexahedron": ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
-    "wedge": ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
-    "pyramid": ((0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
-}
+
+def padded_facets(cell_type: CellType) -> np.ndarray:
+    """(F, w) the facets of a cell type, w the largest; shorter ones end in -1."""
+    width = max(map(len, cell_type.facets))
+    return np.array([[*facet, -1][:width] for facet in cell_type.facets])
 
 
-def local_facets(cell_type: str) -> np.ndarray:
-    """(F, w) the facets of a cell type as in FACETS, w the largest; shorter ones end in -1."""
-    facets = FACETS[cell_type]
-    width = max(map(len, facets))
-    return np.array([[*facet, -1][:width] for facet in facets])
+def outlines(block: Cells) -> np.ndarray:
+    """(n, k) the vertices of planar cells, one after the other round each, counterclockwise."""
+    outline = CELL_TYPES[block.type].outline
+    return block.vertices if outline == tuple(range(len(outline))) else block.vertices[:, outline]
 
 
 @dataclass(frozen=True)
@@ -68,16 +64,17 @@ def facets_of(blocks: list[Cells], backend: Backend = NUMPY) -> Facets:
 
     backend: what computes; the result is the same but for the order of the facets.
     """
-    width = max((len(facet) for block in blocks for facet in FACETS[block.type]), default=2)
-    total = sum(len(block.vertices) * len(FACETS[block.type]) for block in blocks)
+    local = [CELL_TYPES[block.type].facets for block in blocks]
+    width = max((len(facet) for facets in local for facet in facets), default=2)
+    total = sum(len(block.vertices) * len(facets) for block, facets in zip(blocks, local, strict=True))
     vertices = np.full((total, width), -1, dtype=np.int32)
     cell = np.empty(total, dtype=np.int32)
     first = row = 0
-    for block in blocks:
+    for block, facets in zip(blocks, local, strict=True):
         n = len(block.vertices)
-        for facet in FACETS[block.type]:
-            for k, local in enumerate(facet):
-                vertices[row : row + n, k] = block.vertices[:, local]
+        for facet in facets:
+            for k, vertex in enumerate(facet):
+                vertices[row : row + n, k] = block.vertices[:, vertex]
             cell[row : row + n] = np.arange(first, first + n)
             row += n
         first += n

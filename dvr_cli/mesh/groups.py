@@ -13,19 +13,13 @@ import re
 import numpy as np
 
 from dvr_cli.errors import UsageError
-from dvr_cli.mesh.corners import DIMENSION
+from dvr_cli.mesh.cell_types import topological_dimension
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.regions import region_names
 
 _PHYSICAL = re.compile(r"gmsh:physical(:\d+)?")
 _TAG = re.compile(r"-?\d{1,18}")
-_TOPOLOGICAL = {"vertex": 0, "line": 1, **DIMENSION}
 _LISTED = 20  # tags that an error message lists
-
-
-def topological_dimension(cell_type: str) -> int | None:
-    """The dimension of a cell type of any order by meshio's name, None if it is not known."""
-    return _TOPOLOGICAL.get(cell_type.rstrip("0123456789"))
 
 
 def group_cells(mesh: Mesh, name: str) -> list[np.ndarray]:

@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
-from dvr_cli.mesh.facets import local_facets
+from dvr_cli.mesh.cell_types import CELL_TYPES
+from dvr_cli.mesh.facets import padded_facets
 from dvr_cli.mesh.hashing import mixed
 from dvr_cli.mesh.mesh import Cells
 
@@ -34,10 +35,11 @@ def enclosed(blocks: list[Cells], region: np.ndarray, n_points: int, backend: Ba
             here = of_region[first : first + len(block.vertices)]
             first += len(block.vertices)
             sums = of_vertex, here, used, left_over
-            if block.type in ("triangle", "tetra"):
+            cell_type = CELL_TYPES[block.type]
+            if cell_type.is_simplex:
                 backend.twin(cancel_facets_of_simplices)(block.vertices, *sums)
             else:
-                backend.twin(cancel_facets)(block.vertices, local_facets(block.type), *sums)
+                backend.twin(cancel_facets)(block.vertices, padded_facets(cell_type), *sums)
     return used & (left_over == 0)
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
-from dvr_cli.mesh.corners import MIRROR
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.facets import facets_of
 from dvr_cli.mesh.mesh import Cells
 
@@ -61,7 +61,7 @@ def with_mirrored(blocks: list[Cells], mirrored: np.ndarray) -> list[Cells]:
     for block in blocks:
         here = mirrored[first : first + len(block.vertices)]
         first += len(block.vertices)
-        turned = np.where(here[:, None], block.vertices[:, MIRROR[block.type]], block.vertices)
+        turned = np.where(here[:, None], block.vertices[:, CELL_TYPES[block.type].mirror], block.vertices)
         result.append(Cells(block.type, turned))
     return result
 

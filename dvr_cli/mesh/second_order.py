@@ -12,40 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvr_cli.errors import InputError
+from dvr_cli.mesh.cell_types import CELL_TYPES, CellType
 from dvr_cli.mesh.mesh import Cells, Mesh
 
-STRAIGHT = (
-    1e-6  # distance from its straight place, relative to edge or face, up to which a node counts as there
-)
-
-_LINE = ((0, 1),)
-_TRIANGLE = ((0, 1), (1, 2), (2, 0))
-_QUAD = ((0, 1), (1, 2), (2, 3), (3, 0))
-_TETRA = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
-_HEXAHEDRON = (*_QUAD, (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
-_HEXAHEDRON_FACES = ((0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4), (2, 3, 7, 6), (0, 1, 2, 3), (4, 5, 6, 7))
-_WEDGE = (*_TRIANGLE, (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5))
-_PYRAMID = (*_QUAD, (0, 4), (1, 4), (2, 4), (3, 4))
-
-# type: (linear type, corner vertices around each further node)
-SECOND_ORDER: dict[str, tuple[str, tuple[tuple[int, ...], ...]]] = {
-    "line3": ("line", _LINE),
-    "triangle6": ("triangle", _TRIANGLE),
-    "triangle7": ("triangle", (*_TRIANGLE, (0, 1, 2))),
-    "quad8": ("quad", _QUAD),
-    "quad9": ("quad", (*_QUAD, (0, 1, 2, 3))),
-    "tetra10": ("tetra", _TETRA),
-    "hexahedron20": ("hexahedron", _HEXAHEDRON),
-    "hexahedron27": ("hexahedron", (*_HEXAHEDRON, *_HEXAHEDRON_FACES, tuple(range(8)))),
-    "wedge15": ("wedge", _WEDGE),
-    "wedge18": ("wedge", (*_WEDGE, (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5))),
-    "pyramid13": ("pyramid", _PYRAMID),
-    "pyramid14": ("pyramid", (*_PYRAMID, (0, 1, 2, 3))),
-}
-_CORNERS = {"line": 2, "triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8, "wedge": 6, "pyramid": 5}
-
-# Number of nodes of every cell type known here.
-NODES = {"vertex": 1, **_CORNERS, **{name: _CORNERS[t] + len(m) for name, (t, m) in SECOND_ORDER.items()}}
+# Distance from its straight place, relative to edge or face, up to which a node counts as there.
+STRAIGHT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -90,8 +61,8 @@ def linear_cells(cells: list[Cells]) -> list[Cells]:
     """The same blocks with second-order cells cut down to their corner vertices."""
     result = []
     for block in cells:
-        linear = SECOND_ORDER[block.type][0] if block.type in SECOND_ORDER else block.type
-        result.append(Cells(linear, block.vertices[:, : _CORNERS.get(linear)]))
+        linear = _linear(block.type)
+        result.append(block if linear is None else Cells(linear.name, block.vertices[:, : linear.nodes]))
     return result
 
 
@@ -101,16 +72,15 @@ def mid_nodes(mesh: Mesh, straighten: bool) -> MidNodes | None:
     Raises InputError when a node is a corner of one cell and a mid node of another, or when cells are curved
     by more than STRAIGHT, unless ``straighten`` is set.
     """
-    blocks = [block for block in mesh.cells if block.type in SECOND_ORDER and len(block.vertices)]
+    blocks = [block for block in mesh.cells if _linear(block.type) is not None and len(block.vertices)]
     if not blocks:
         return None
-    width = max(len(around) for block in blocks for around in SECOND_ORDER[block.type][1])
+    width = max(len(around) for block in blocks for around in CELL_TYPES[block.type].mids)
     nodes, corners, counts, curved, largest = [], [], [], 0, 0.0
     for block in blocks:
-        linear, middles = SECOND_ORDER[block.type]
+        cell_type = CELL_TYPES[block.type]
         bent = np.zeros(len(block.vertices), dtype=bool)
-        for k, around in enumerate(middles):
-            node = block.vertices[:, _CORNERS[linear] + k]
+        for node, around in zip(block.vertices.T[-len(cell_type.mids) :], cell_type.mids, strict=True):
             ends = block.vertices[:, around]
             offset = _offset(mesh.points, node, ends)
             bent |= offset > STRAIGHT
@@ -140,6 +110,12 @@ def mid_nodes(mesh: Mesh, straighten: bool) -> MidNodes | None:
     t = _place_on_edge(mesh.points, every_node[edge], chosen[edge, :2])
     weights[edge, 0], weights[edge, 1] = 1.0 - t, t
     return MidNodes(every_node, chosen, weights, curved)
+
+
+def _linear(name: str) -> CellType | None:
+    """The linear type that a second-order one begins with, None for other types."""
+    cell_type = CELL_TYPES.get(name)
+    return None if cell_type is None else cell_type.linear
 
 
 def _place_on_edge(points: np.ndarray, node: np.ndarray, ends: np.ndarray) -> np.ndarray:

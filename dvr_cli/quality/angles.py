@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
-from dvr_cli.mesh.facets import FACETS
+from dvr_cli.mesh.cell_types import CELL_TYPES, CellType, Tuples
+from dvr_cli.mesh.facets import outlines
 from dvr_cli.mesh.mesh import Cells
 from dvr_cli.mesh.simplex import Components, chunks, cross, dot, subtract
 
@@ -24,17 +25,17 @@ def extreme_angles(points: np.ndarray, blocks: list[Cells], backend: Backend = N
     """
     low, high = np.inf, -np.inf
     for block in blocks:
-        candidates = block.vertices
-        if block.type not in ("triangle", "quad"):
-            candidates = candidates[_with_extreme_cosines(points, block, backend)]
+        cell_type = CELL_TYPES[block.type]
+        candidates = outlines(block) if cell_type.dimension == 2 else block.vertices
+        if cell_type.dimension == 3:
+            candidates = candidates[_with_extreme_cosines(points, candidates, cell_type, backend)]
         for chunk in chunks(len(candidates)):
             vertices = candidates[chunk]
-            if block.type in ("triangle", "quad"):
+            if cell_type.dimension == 2:
                 angles = interior_angles(points, vertices)
             else:
-                angles = np.concatenate(
-                    [np.empty(0), *_extreme_dihedral_angles(points, vertices, block.type)]
-                )
+                found = _extreme_dihedral_angles(points, vertices, cell_type)
+                angles = np.concatenate([np.empty(0), *found])
             angles = angles[np.isfinite(angles)]
             low, high = angles.min(initial=low), angles.max(initial=high)
     return (float(low), float(high)) if high >= low else (np.nan, np.nan)
@@ -56,12 +57,14 @@ def interior_angles(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     return np.where(onward.any(axis=-1) & back.any(axis=-1), angle, np.nan)
 
 
-def _with_extreme_cosines(points: np.ndarray, block: Cells, backend: Backend) -> np.ndarray:
-    """(n,) bool: the few cells of a block that may have its smallest or largest dihedral angle."""
-    faces = FACETS[block.type]
+def _with_extreme_cosines(
+    points: np.ndarray, vertices: np.ndarray, cell_type: CellType, backend: Backend
+) -> np.ndarray:
+    """(n,) bool: the few of the cells (n, k) that may have their smallest or largest dihedral angle."""
+    faces = cell_type.facets
     padded = np.array([[*face, face[-1]][:4] for face in faces])
-    pairs = np.array([(i, j) for i in range(len(faces)) for j in range(i) if _neighbours(faces[i], faces[j])])
-    return backend.twin(with_extreme_cosines)(points, block.vertices, padded, pairs, _NEAR)
+    pairs = np.array(_neighbours(faces))
+    return backend.twin(with_extreme_cosines)(points, vertices, padded, pairs, _NEAR)
 
 
 def with_extreme_cosines(
@@ -75,33 +78,30 @@ def with_extreme_cosines(
     return np.ones(len(vertices), dtype=bool)
 
 
-def _neighbours(face: tuple[int, ...], other: tuple[int, ...]) -> bool:
-    return len(set(face) & set(other)) == 2
+def _neighbours(faces: Tuples) -> list[tuple[int, int]]:
+    """The numbers of each two faces with a common edge."""
+    pairs = ((i, j) for i in range(len(faces)) for j in range(i))
+    return [(i, j) for i, j in pairs if len(set(faces[i]) & set(faces[j])) == 2]
 
 
 def _extreme_dihedral_angles(
-    points: np.ndarray, vertices: np.ndarray, cell_type: str
+    points: np.ndarray, vertices: np.ndarray, cell_type: CellType
 ) -> Iterator[np.ndarray]:
     """For each edge of the cell type, the smallest and largest angles between its two faces in any cell."""
     at = [[points[:, i][vertex] for i in range(3)] for vertex in vertices.T]
-    normals = [_normal([at[v] for v in face]) for face in FACETS[cell_type]]
+    normals = [_normal([at[v] for v in face]) for face in cell_type.facets]
     lengths = [np.sqrt(dot(normal, normal)) for normal in normals]
-    for i, face in enumerate(FACETS[cell_type]):
-        for j, other in enumerate(FACETS[cell_type][:i]):
-            if not _neighbours(face, other):
-                continue
-            size = lengths[i] * lengths[j]
-            cosine = np.divide(
-                dot(normals[i], normals[j]), size, out=np.full(len(size), np.nan), where=size > 0
-            )
-            if np.isnan(cosine).all():
-                continue
-            # the angle falls with the cosine, but near 0 and 180 degrees the sine tells it better
-            low, high = np.nanmin(cosine), np.nanmax(cosine)
-            extreme = np.flatnonzero((cosine <= low + _NEAR) | (cosine >= high - _NEAR))
-            a, b = ([component[extreme] for component in normal] for normal in (normals[i], normals[j]))
-            across = cross(a, b)
-            yield 180.0 - np.degrees(np.arctan2(np.sqrt(dot(across, across)), dot(a, b)))
+    for i, j in _neighbours(cell_type.facets):
+        size = lengths[i] * lengths[j]
+        cosine = np.divide(dot(normals[i], normals[j]), size, out=np.full(len(size), np.nan), where=size > 0)
+        if np.isnan(cosine).all():
+            continue
+        # the angle falls with the cosine, but near 0 and 180 degrees the sine tells it better
+        low, high = np.nanmin(cosine), np.nanmax(cosine)
+        extreme = np.flatnonzero((cosine <= low + _NEAR) | (cosine >= high - _NEAR))
+        a, b = ([component[extreme] for component in normal] for normal in (normals[i], normals[j]))
+        across = cross(a, b)
+        yield 180.0 - np.degrees(np.arctan2(np.sqrt(dot(across, across)), dot(a, b)))
 
 
 def _normal(face: list[Components]) -> list[np.ndarray]:

@@ -7,12 +7,13 @@ angle of the ideal shape and falls beyond, the worst of n elements is at most wh
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import cos, pi, sin, sqrt
 
 import numpy as np
 
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells
 from dvr_cli.quality.angles import interior_angles
 
@@ -30,24 +31,25 @@ def fans(points: np.ndarray, blocks: list[Cells], vertices: np.ndarray) -> Itera
     """The fans around each of ``vertices`` ((m,)) and, of tetrahedra, around the edges between these.
 
     points: (N, d); blocks: all cells that have one of the vertices, of positive quality. Fans of elements of
-    different types, or of other types than triangle, quadrilateral and tetrahedron, are left out.
+    different types, or of types not in BEST_AT_VERTEX, are left out.
     """
     for i, v in enumerate(vertices.tolist()):
         parts = [(b.type, b.vertices[(b.vertices == v).any(axis=1)]) for b in blocks]
         types = {name for name, cells in parts if len(cells)}
-        if not (len(types) == 1 and types <= {"triangle", "quad", "tetra"}):
+        if len(types) != 1 or not types <= BEST_AT_VERTEX.keys():
             continue
-        (cell_type,) = types
-        cells = np.concatenate([cells for name, cells in parts if name == cell_type])
-        if cell_type == "tetra":
-            yield Fan((v,), len(cells), best_tetra_at_vertex(_solid_angles(points, cells, v).mean()))
+        (name,) = types
+        best = BEST_AT_VERTEX[name]
+        cells = np.concatenate([cells for other, cells in parts if other == name])
+        if CELL_TYPES[name].dimension == 3:
+            yield Fan((v,), len(cells), best(_solid_angles(points, cells, v).mean()))
             for w in np.intersect1d(vertices[i + 1 :], cells).tolist():
                 at_edge = cells[(cells == w).any(axis=1)]
                 share = _dihedral_angles(points, at_edge, v, w).mean()
                 yield Fan((v, w), len(at_edge), best_tetra_at_edge(share))
         else:
             share = np.radians(interior_angles(points, cells)[cells == v]).mean()
-            yield Fan((v,), len(cells), best_triangle(share) if cell_type == "triangle" else best_quad(share))
+            yield Fan((v,), len(cells), best(share))
 
 
 def best_triangle(angle: float) -> float:
@@ -80,6 +82,14 @@ def best_tetra_at_vertex(angle: float) -> float:
     c = dihedral / (1.0 - dihedral)
     v = (1.0 - c) * sqrt(1.0 + 2.0 * c)
     return float(6.0 * 2.0 ** (1.0 / 3.0) * v ** (2.0 / 3.0) / (9.0 - 6.0 * c))
+
+
+# By cell type, the largest mean ratio given the angle at a vertex, in a volume cell the solid angle.
+BEST_AT_VERTEX: dict[str, Callable[[float], float]] = {
+    "triangle": best_triangle,
+    "quad": best_quad,
+    "tetra": best_tetra_at_vertex,
+}
 
 
 def _solid_angles(points: np.ndarray, cells: np.ndarray, v: int) -> np.ndarray:

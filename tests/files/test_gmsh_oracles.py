@@ -15,7 +15,8 @@ import pytest
 from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh import read
 from dvr_cli.files.gmsh.cells import CellType, cell_type
-from dvr_cli.mesh.groups import group_cells, topological_dimension
+from dvr_cli.mesh.cell_types import topological_dimension
+from dvr_cli.mesh.groups import group_cells
 from dvr_cli.mesh.mesh import Mesh
 from gmsh_corpus import NAMES, Account, account, corpus, gmsh_session
 

@@ -10,7 +10,8 @@ import pytest
 
 from dvr_cli.errors import UsageError
 from dvr_cli.files.gmsh import read
-from dvr_cli.mesh.groups import group_cells, group_vertices, topological_dimension
+from dvr_cli.mesh.cell_types import topological_dimension
+from dvr_cli.mesh.groups import group_cells, group_vertices
 from dvr_cli.mesh.mesh import Mesh
 from gmsh_corpus import NAMES, account, corpus
 

@@ -9,8 +9,9 @@ import pytest
 
 from dvr_cli.api import SmoothOptions, smooth_mesh
 from dvr_cli.files.gmsh import read
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
-from dvr_cli.mesh.second_order import NODES, SECOND_ORDER, mid_nodes
+from dvr_cli.mesh.second_order import mid_nodes
 from dvr_cli.relax.stopping import Stopping
 from gmsh_corpus import corpus, gmsh_session
 
@@ -61,7 +62,9 @@ def test_straight_meshes_of_gmsh_are_found_straight(shape, incomplete, name):
     mesh = gmsh_mesh(shape, incomplete)
     assert name in {block.type for block in mesh.cells}
     assert mid_nodes(mesh, straighten=False).curved == 0
-    for k in range(NODES[SECOND_ORDER[name][0]], NODES[name] - 1):  # and no other order of nodes would be
+    for k in range(
+        CELL_TYPES[name].linear.nodes, CELL_TYPES[name].nodes - 1
+    ):  # and no other order of nodes would be
         swapped = [Cells(b.type, b.vertices.copy()) for b in mesh.cells if b.type == name]
         swapped[0].vertices[:, [k, k + 1]] = swapped[0].vertices[:, [k + 1, k]]
         assert mid_nodes(Mesh(mesh.points, swapped), straighten=True).curved == len(swapped[0].vertices)

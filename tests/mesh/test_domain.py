@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dvr_cli.errors import InputError
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import domain_of
-from dvr_cli.mesh.facets import FACETS
 from dvr_cli.mesh.mesh import Cells, Mesh
 from meshes import KINDS, random_mesh
 
@@ -22,7 +22,7 @@ def interior(mesh, region):
     cells = [(block.type, vertices) for block in mesh.cells for vertices in block.vertices.tolist()]
     beside = defaultdict(list)
     for number, (cell_type, vertices) in enumerate(cells):
-        for facet in FACETS[cell_type]:
+        for facet in CELL_TYPES[cell_type].facets:
             beside[frozenset(vertices[i] for i in facet)].append(region[number])
     used = {v for _, vertices in cells for v in vertices}
     outer = {

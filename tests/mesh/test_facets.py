@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import oracle
-from dvr_cli.mesh.facets import FACETS, facets_of
+from dvr_cli.mesh.cell_types import CELL_TYPES
+from dvr_cli.mesh.facets import facets_of
 from dvr_cli.mesh.mesh import Cells
 from meshes import KINDS, random_mesh
 
@@ -28,8 +29,8 @@ def sides(cell_type):
 
 @pytest.mark.parametrize("cell_type", oracle.IDEAL)
 def test_facets_are_the_sides_of_the_ideal_element(cell_type):
-    assert len(FACETS[cell_type]) == len(sides(cell_type))
-    assert {frozenset(facet) for facet in FACETS[cell_type]} == sides(cell_type)
+    assert len(CELL_TYPES[cell_type].facets) == len(sides(cell_type))
+    assert {frozenset(facet) for facet in CELL_TYPES[cell_type].facets} == sides(cell_type)
 
 
 @pytest.mark.parametrize("cell_type", oracle.IDEAL)
@@ -37,7 +38,7 @@ def test_facets_run_in_positive_order(cell_type):
     """Edges counterclockwise; faces such that every three successive vertices turn outward."""
     ideal = np.array(oracle.IDEAL[cell_type])
     centre = ideal.mean(axis=0)
-    for facet in FACETS[cell_type]:
+    for facet in CELL_TYPES[cell_type].facets:
         for i in range(len(facet) if len(facet) > 2 else 1):
             here = np.roll(facet, -i)[: len(centre)]
             assert np.linalg.det(ideal[here] - centre) > 0
@@ -45,7 +46,7 @@ def test_facets_run_in_positive_order(cell_type):
 
 @pytest.mark.parametrize("cell_type", [name for name in oracle.IDEAL if len(oracle.IDEAL[name][0]) == 3])
 def test_each_edge_runs_both_ways_through_the_facets(cell_type):
-    edges = [edge for facet in FACETS[cell_type] for edge in pairwise([*facet, facet[0]])]
+    edges = [edge for facet in CELL_TYPES[cell_type].facets for edge in pairwise([*facet, facet[0]])]
     assert len(set(edges)) == len(edges)
     assert {(b, a) for a, b in edges} == set(edges)
 
@@ -90,7 +91,7 @@ def test_each_facet_is_stored_as_its_cell_has_it(kind):
     for row, cell in zip(facets.vertices.tolist(), facets.cell.tolist(), strict=True):
         seen[cell].add(tuple(v for v in row if v >= 0))
     for cell, (cell_type, vertices) in enumerate(cells):
-        assert seen[cell] == {tuple(vertices[i] for i in facet) for facet in FACETS[cell_type]}
+        assert seen[cell] == {tuple(vertices[i] for i in facet) for facet in CELL_TYPES[cell_type].facets}
 
 
 def test_any_number_of_cells_may_share_a_facet():

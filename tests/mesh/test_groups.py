@@ -6,8 +6,9 @@ import pytest
 
 from dvr_cli.errors import UsageError
 from dvr_cli.files.obj import read as read_obj
+from dvr_cli.mesh.cell_types import topological_dimension
 from dvr_cli.mesh.convert import from_meshio
-from dvr_cli.mesh.groups import group_cells, group_vertices, topological_dimension
+from dvr_cli.mesh.groups import group_cells, group_vertices
 from dvr_cli.mesh.mesh import Cells, Mesh
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 0.5]])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvr_cli.backend import COMPILED, NUMPY
-from dvr_cli.mesh.facets import FACETS
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.interior import enclosed
 from dvr_cli.mesh.mesh import Cells
 from meshes import KINDS, random_mesh
@@ -23,7 +23,9 @@ def counted(blocks, region, n_points):
     for block in blocks:
         for vertices in block.vertices.tolist():
             used |= set(vertices)
-            has.update((frozenset(vertices[i] for i in f), int(region[cell])) for f in FACETS[block.type])
+            has.update(
+                (frozenset(vertices[i] for i in f), int(region[cell])) for f in CELL_TYPES[block.type].facets
+            )
             cell += 1
     single = {v for (facet, _), number in has.items() if number % 2 for v in facet}
     return [v in used and v not in single for v in range(n_points)]

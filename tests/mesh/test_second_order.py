@@ -7,9 +7,10 @@ import pytest
 
 from dvr_cli.api import SmoothOptions, mesh_quality, smooth_mesh
 from dvr_cli.errors import InputError
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
-from dvr_cli.mesh.second_order import NODES, SECOND_ORDER, STRAIGHT, linear_cells, mid_nodes
+from dvr_cli.mesh.second_order import STRAIGHT, linear_cells, mid_nodes
 from dvr_cli.relax.stopping import Stopping
 from meshes import random_mesh
 
@@ -36,7 +37,7 @@ def raised(linear: Mesh, *types: str, t: float = 0.5) -> Mesh:
 
     Other nodes lie in the middle of their corners. Cells of shapes not in ``types`` stay linear.
     """
-    becomes = {SECOND_ORDER[name][0]: name for name in types}
+    becomes = {CELL_TYPES[name].linear.name: name for name in types}
     points = list(linear.points)
     number: dict[tuple[int, ...], int] = {}
     blocks = []
@@ -47,7 +48,7 @@ def raised(linear: Mesh, *types: str, t: float = 0.5) -> Mesh:
         rows = []
         for cell in block.vertices.tolist():
             row = list(cell)
-            for around in SECOND_ORDER[becomes[block.type]][1]:
+            for around in CELL_TYPES[becomes[block.type]].mids:
                 key = tuple(sorted(cell[i] for i in around))
                 if key not in number:
                     number[key] = len(points)
@@ -64,9 +65,9 @@ def edges_of(mesh: Mesh) -> np.ndarray:
     """(n, 3): the ends of every edge with a node on it, lower first, and that node."""
     found = set()
     for block in mesh.cells:
-        for k, around in enumerate(SECOND_ORDER.get(block.type, ("", ()))[1]):
+        for k, around in enumerate(CELL_TYPES[block.type].mids):
             if len(around) == 2:
-                node = block.vertices[:, NODES[SECOND_ORDER[block.type][0]] + k]
+                node = block.vertices[:, CELL_TYPES[block.type].linear.nodes + k]
                 ends = np.sort(block.vertices[:, around], axis=1)
                 found |= set(zip(*ends.T.tolist(), node.tolist(), strict=True))
     return np.array(sorted(found))
@@ -76,9 +77,9 @@ def middles_of(mesh: Mesh) -> list[tuple[int, tuple[int, ...]]]:
     """The nodes in the middle of faces and cells, each with the corners around it."""
     found = set()
     for block in mesh.cells:
-        for k, around in enumerate(SECOND_ORDER.get(block.type, ("", ()))[1]):
+        for k, around in enumerate(CELL_TYPES[block.type].mids):
             if len(around) > 2:
-                node = block.vertices[:, NODES[SECOND_ORDER[block.type][0]] + k]
+                node = block.vertices[:, CELL_TYPES[block.type].linear.nodes + k]
                 corners = np.sort(block.vertices[:, around], axis=1)
                 found |= set(zip(node.tolist(), map(tuple, corners.tolist()), strict=True))
     return sorted(found)
@@ -98,7 +99,9 @@ def assert_carried(mesh: Mesh, moved: np.ndarray, t: float) -> None:
 
 
 def test_every_type_of_dimension_2_and_3_is_tried():
-    assert set(KINDS) == set(SECOND_ORDER) - {"line3"}
+    assert set(KINDS) == {
+        name for name, record in CELL_TYPES.items() if record.linear and record.dimension > 1
+    }
 
 
 @pytest.mark.parametrize("t", [0.5, 0.25])
@@ -176,7 +179,7 @@ def bent(name: str, cells: int, by: float) -> tuple[Mesh, np.ndarray, int]:
     """A mesh with a node of an edge off it by ``by`` edge lengths in some cells; the nodes, cells bent."""
     mesh = raised(random_mesh(KINDS[name], seed=6), name)
     block = mesh.cells[0].vertices
-    corners = NODES[KINDS[name]]
+    corners = CELL_TYPES[KINDS[name]].nodes
     nodes = np.unique(block[:: len(block) // cells, corners][:cells])
     edges = {node: (low, high) for low, high, node in edges_of(mesh).tolist()}
     for node in nodes.tolist():

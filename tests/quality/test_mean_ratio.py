@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import oracle
-from dvr_cli.mesh.corners import DIMENSION, corners_of
+from dvr_cli.mesh.cell_types import CELL_TYPES
+from dvr_cli.mesh.corners import corners_of
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells
 from dvr_cli.mesh.simplex import determinants
@@ -166,7 +167,7 @@ def _measures(points, corners):
 @pytest.mark.parametrize("cell_type", TYPES)
 def test_corners_are_evaluated_alike_in_any_number(cell_type):
     """Many corners are evaluated piece by piece; no bit may depend on where a piece ends."""
-    d = DIMENSION[cell_type]
+    d = CELL_TYPES[cell_type].dimension
     elements = distorted(cell_type, 7)
     points = elements.reshape(-1, d)
     cells = np.arange(len(points)).reshape(7, -1)

@@ -6,8 +6,8 @@ import numpy as np
 
 from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.boundary.self_intersection import crossing_facets
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import Domain
-from dvr_cli.mesh.facets import FACETS
 from dvr_cli.quality.mean_ratio import DEGENERATE, element_qualities
 from dvr_cli.relax.untangle.phase import hopeless, widened
 
@@ -43,7 +43,7 @@ def _held_facets(domain: Domain, freedom: Freedom) -> np.ndarray:
     """(F, d) the facets all of whose vertices are held, once each, those with four cut in two."""
     d, parts = domain.dimension, []
     for block in domain.cells:
-        for facet in FACETS[block.type]:
+        for facet in CELL_TYPES[block.type].facets:
             for k in range(len(facet) - d + 1):
                 parts.append(block.vertices[:, [facet[0], *facet[k + 1 : k + d]]])
     facets = np.concatenate(parts)
