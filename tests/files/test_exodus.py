@@ -13,6 +13,7 @@ from dvr_cli.cli.main import main
 from dvr_cli.errors import DvrError, InputError
 from dvr_cli.files import exodus
 from dvr_cli.files.exodus import ExodusSource
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from exodus_corpus import VARIANTS, vtk_blocks
 from exodus_corpus import exodus as exodus_file
 from fuzz import COUNTS, mutated
@@ -160,18 +161,16 @@ def test_all_variants_hold_the_same_mesh():
 @pytest.mark.parametrize("name", ELEMENTS)
 def test_nodes_are_where_meshio_has_them(name):
     """VTK, whose order is meshio's but for wedges, and the straight places of further nodes."""
-    from dvr_cli.mesh.second_order import SECOND_ORDER
-
     points, data = one_element(name)
     block = exodus.read(data).mesh.cells[0]
     assert block.type == ELEMENTS[name][2]
     if name != "HEX8":
-        linear, around = SECOND_ORDER.get(block.type, ("", ()))
+        around = CELL_TYPES[block.type].mids
         nodes = block.vertices[0]
         corners = len(nodes) - len(around)
         for k, ends in enumerate(around):
             middle = points[nodes[list(ends)]].mean(axis=0)
-            assert np.allclose(points[nodes[corners + k]], middle, atol=1e-15), linear
+            assert np.allclose(points[nodes[corners + k]], middle, atol=1e-15)
     if "wedge" not in block.type:
         (found,) = vtk_blocks(data, "ELEM_BLOCK").values()
         nodes = found[1][0][1]  # the middle of a shell is left out

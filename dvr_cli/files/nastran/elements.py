@@ -13,8 +13,8 @@ import numpy as np
 from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh.tags import TagIndex
 from dvr_cli.files.nastran.cards import Deck, Fields
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells
-from dvr_cli.mesh.second_order import SECOND_ORDER
 
 
 class Kind(NamedTuple):
@@ -163,13 +163,12 @@ def _held(deck: Deck, grids: TagIndex) -> np.ndarray:
 def _with_corners(nodes: np.ndarray, blocks: list[Cells]) -> np.ndarray:
     """``nodes`` with mid nodes of cells replaced by the corners around them: these hold a mid node, too."""
     for block in blocks if len(nodes) else ():
-        if block.type in SECOND_ORDER:
-            middles = SECOND_ORDER[block.type][1]
-            first = block.vertices.shape[1] - len(middles)
-            for k, around in enumerate(middles):
-                mine = block.vertices[:, first + k]
-                corners = block.vertices[np.isin(mine, nodes)][:, around]
-                nodes = np.union1d(np.setdiff1d(nodes, mine), corners)
+        mids = CELL_TYPES[block.type].mids
+        first = block.vertices.shape[1] - len(mids)
+        for k, around in enumerate(mids):
+            mine = block.vertices[:, first + k]
+            corners = block.vertices[np.isin(mine, nodes)][:, around]
+            nodes = np.union1d(np.setdiff1d(nodes, mine), corners)
     return nodes
 
 
