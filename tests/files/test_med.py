@@ -16,7 +16,7 @@ from dvr_cli.errors import DvrError, InputError
 from dvr_cli.files import med
 from dvr_cli.files.med import MedSource
 from dvr_cli.files.source import InputFile
-from dvr_cli.mesh.second_order import SECOND_ORDER
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from fuzz import COUNTS, mutated
 from gmsh_cad import KINDS, nodes_by_gmsh, two_boxes, written_by_gmsh
 from needs import require
@@ -82,7 +82,8 @@ def test_nodes_are_where_meshio_has_them(files):
         mesh = read(data).mesh
         for block in mesh.cells:
             found.add(block.type)
-            linear, around = SECOND_ORDER.get(block.type, (block.type, ()))
+            record = CELL_TYPES[block.type]
+            linear, around = (record.linear or record).name, record.mids
             x = mesh.points[block.vertices]
             first = x.shape[1] - len(around)
             for k, ends in enumerate(around):

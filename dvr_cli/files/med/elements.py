@@ -16,7 +16,7 @@ the hexahedron::
 
 from __future__ import annotations
 
-from dvr_cli.mesh.second_order import SECOND_ORDER
+from dvr_cli.mesh.cell_types import CELL_TYPES
 
 # MED's name: meshio's
 TYPES = {
@@ -60,12 +60,12 @@ _HEXAHEDRON_FACES = ((0, 1, 2, 3), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (0,
 
 def node_order(cell_type: str) -> list[int] | None:
     """The place in MED of each node of a cell in meshio's order; None where the orders are the same."""
-    linear, around = SECOND_ORDER.get(cell_type, (cell_type, ()))
-    corners = _CORNERS.get(linear)
+    record = CELL_TYPES[cell_type]
+    corners = _CORNERS.get((record.linear or record).name)
     if corners is None:
         return None
-    own = [frozenset(ends) for ends in around]
+    own = [frozenset(ends) for ends in record.mids]
     if cell_type == "hexahedron27":
         own[12:18] = [frozenset(face) for face in _HEXAHEDRON_FACES]
-    mirrored = [frozenset(corners[i] for i in ends) for ends in around]
+    mirrored = [frozenset(corners[i] for i in ends) for ends in record.mids]
     return [*corners, *(len(corners) + own.index(ends) for ends in mirrored)]

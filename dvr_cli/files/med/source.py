@@ -12,8 +12,8 @@ from dvr_cli.files.container import ContainerSource, CoordinateArray
 from dvr_cli.files.med.elements import TYPES, UNSUPPORTED, node_order
 from dvr_cli.files.med.families import groups_of, members
 from dvr_cli.files.source import InputFile
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
-from dvr_cli.mesh.second_order import NODES
 
 if TYPE_CHECKING:
     import h5py
@@ -133,7 +133,7 @@ def _read_cells(step: h5py.Group, n_points: int) -> tuple[list[Cells], list[np.n
             continue
         _check_profile(types[kind])
         nodes = hdf5.values(stored)
-        count = NODES[cell_type]
+        count = CELL_TYPES[cell_type].nodes
         if nodes.dtype.kind not in "iu" or nodes.ndim != 1 or nodes.size % count:
             raise InputError(f"{stored.name} does not hold {count} nodes for each cell")
         vertices = nodes.reshape(count, -1).T.astype(np.int64) - 1
