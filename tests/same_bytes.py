@@ -1217,6 +1217,8 @@ def main() -> int:
             found = list(differences(old, new, (reference.path, this.path)))
             with lock:
                 counts["different" if found else "alike"] += 1
+                if not (done := sum(counts.values())) % 50:
+                    print(f"{done} of {len(todo)}: {command}", file=sys.stderr, flush=True)
                 for line in found:
                     print(f"dvr {command}: {line}", flush=True)
             if found:
