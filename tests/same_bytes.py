@@ -1108,7 +1108,7 @@ def differences(old: Path, new: Path, checkouts: tuple[Path, Path]) -> Iterator[
 
 
 def _file_differs(old: Path, new: Path, checkouts: tuple[Path, Path], name: str) -> Iterator[str]:
-    contents = [path.read_bytes() if path.exists() else b"" for path in (old, new)]
+    contents = [_DATE.sub(b"DATE", path.read_bytes()) if path.exists() else b"" for path in (old, new)]
     if contents[0] == contents[1]:
         return
     try:
@@ -1141,12 +1141,14 @@ _SECONDS = re.compile(r"\b\d+\.\d+(e-?\d+)? s\b")
 _TRACE = re.compile(
     r"^Traceback \(most recent call last\):\n((?: .*|During .*|The above .*|Traceback.*|)\n)*", re.M
 )
+_DATE = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?")  # meshio writes it into some formats
+_FOLDER = re.compile(r"/\S*-[0-9a-f]{12}\.\d+\.\d+/files\b")  # where a command ran
 _ADDRESS = re.compile(r"0x[0-9a-f]{6,}")
 
 
 def _normal(text: str, checkout: Path) -> str:
-    """A text without times, traces of errors, addresses and the place of the checkout."""
-    text = _TRACE.sub("Traceback\n", text.replace(str(checkout), "CHECKOUT"))
+    """A text without times, traces of errors, addresses and places."""
+    text = _TRACE.sub("Traceback\n", _FOLDER.sub("FOLDER", text.replace(str(checkout), "CHECKOUT")))
     return _ADDRESS.sub("ADDRESS", _SECONDS.sub("N s", text))
 
 
