@@ -129,7 +129,13 @@ REGISTRY = (
         reader="nastran",
         several=True,
     ),
-    Format("su2", (".su2",)),
+    Format(
+        "su2",
+        (".su2",),
+        re.compile(rb"(?i)(\s*%[^\n]*\n)*\s*(NDIME|NZONE|NELEM|NPOIN)[ \t]*="),
+        reader="su2",
+        converter="su2.convert",
+    ),
     Format("stl", (".stl",), meshio=("stl", {"binary": True})),
     Format("xdmf", (".xdmf", ".xmf")),
     Format(

@@ -22,6 +22,7 @@ REGION_NAMES = frozenset(
         "tetgenref",
         "objgroup",
         "nastranproperty",
+        "su2marker",
         "su2zone",
         "celltags",
         "cellentityids",
