@@ -14,12 +14,12 @@ import numpy as np
 from dvr_cli.errors import OutputError
 from dvr_cli.files.source import Source
 from dvr_cli.files.su2.source import TYPES, read
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.groups import group_cells, topological_dimension
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.regions import region_names
-from dvr_cli.mesh.second_order import SECOND_ORDER
 
-_NUMBERS = {name: number for number, (name, _, _) in TYPES.items() if name not in SECOND_ORDER}
+_NUMBERS = {name: number for number, name in TYPES.items() if CELL_TYPES[name].linear is None}
 
 
 class ConvertedSource(Source):

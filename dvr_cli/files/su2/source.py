@@ -24,28 +24,29 @@ import numpy as np
 from dvr_cli.errors import InputError
 from dvr_cli.files.numbers_in_text import Rows, inside_spans, shown, write_replaced
 from dvr_cli.files.source import Source, differing
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 
-# VTK's number of a cell type: meshio's name, number of nodes, dimension.
+# VTK's numbers of cell types, with meshio's names.
 TYPES = {
-    1: ("vertex", 1, 0),
-    3: ("line", 2, 1),
-    5: ("triangle", 3, 2),
-    9: ("quad", 4, 2),
-    10: ("tetra", 4, 3),
-    12: ("hexahedron", 8, 3),
-    13: ("wedge", 6, 3),
-    14: ("pyramid", 5, 3),
-    21: ("line3", 3, 1),
-    22: ("triangle6", 6, 2),
-    23: ("quad8", 8, 2),
-    24: ("tetra10", 10, 3),
-    25: ("hexahedron20", 20, 3),
-    26: ("wedge15", 15, 3),
-    27: ("pyramid13", 13, 3),
+    1: "vertex",
+    3: "line",
+    5: "triangle",
+    9: "quad",
+    10: "tetra",
+    12: "hexahedron",
+    13: "wedge",
+    14: "pyramid",
+    21: "line3",
+    22: "triangle6",
+    23: "quad8",
+    24: "tetra10",
+    25: "hexahedron20",
+    26: "wedge15",
+    27: "pyramid13",
 }
 _SIZES = np.zeros(max(TYPES) + 1, dtype=np.int64)
-_SIZES[list(TYPES)] = [nodes for _, nodes, _ in TYPES.values()]
+_SIZES[list(TYPES)] = [CELL_TYPES[name].nodes for name in TYPES.values()]
 _MOST = 1 << 40  # larger counts can only come from damage
 _HELD = "FFD_SURFACE_POINTS"  # rows of a marker, a point and its place in the box
 
@@ -242,8 +243,8 @@ class _File:
         short = rows.counts[filled] < 1 + _SIZES[types]
         if short.any():
             row = int(short.argmax())
-            name, nodes, _ = TYPES[int(types[row])]
-            self._refuse_row(rows, filled[row], f"a {name} needs {nodes} nodes")
+            kind = CELL_TYPES[TYPES[int(types[row])]]
+            self._refuse_row(rows, filled[row], f"a {kind.name} needs {kind.nodes} nodes")
         self._listed.append(_Listed(types, numbers, first, self._offset, self._zone, marker))
 
     def _read_held(self, begin: int, end: int) -> None:
@@ -260,12 +261,12 @@ class _File:
         zones: list[np.ndarray] = []
         for inside in (True, False):
             mine = [listed for listed in self._listed if (listed.marker == 0) == inside]
-            for number, (name, nodes, _) in TYPES.items():
+            for number, name in TYPES.items():
                 parts = [(listed, np.flatnonzero(listed.types == number)) for listed in mine]
                 parts = [(listed, rows) for listed, rows in parts if len(rows)]
                 if not parts:
                     continue
-                places = np.arange(1, 1 + nodes)
+                places = np.arange(1, 1 + CELL_TYPES[name].nodes)
                 vertices = []
                 for listed, rows in parts:
                     found = listed.numbers[listed.first[rows][:, None] + places]
