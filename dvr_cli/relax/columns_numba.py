@@ -6,6 +6,8 @@ explained. Nothing is fused, reassociated or skipped that could change a bit.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from dvr_cli.jit import inlined
@@ -23,6 +25,18 @@ ROWS = 35
 WIDTH = 8  # loops run over whole groups of columns; those beyond the ring hold leftovers nobody looks at
 
 
+class RingArrays(NamedTuple):
+    """The arrays of ``Rings`` and ``ShapeTable`` as kernels read them."""
+
+    vertices: np.ndarray
+    start: np.ndarray
+    others: np.ndarray
+    shapes: np.ndarray
+    norm: np.ndarray
+    slope: np.ndarray
+    curvature: np.ndarray
+
+
 @inlined
 def set_ring(
     points: np.ndarray,
@@ -31,39 +45,32 @@ def set_ring(
     d1: float,
     d2: float,
     ring: int,
-    start: np.ndarray,
-    others: np.ndarray,
-    shapes: np.ndarray,
-    norm: np.ndarray,
-    slope: np.ndarray,
-    curvature: np.ndarray,
+    rings: RingArrays,
     scratch: np.ndarray,
 ) -> int:
     """Lay out a ring and its lines along the direction (d0, d1, d2); returns how many corners it has."""
-    lo = start[ring]
-    n = start[ring + 1] - lo
+    lo = rings.start[ring]
+    n = rings.start[ring + 1] - lo
     for c in range(n):
-        k = shapes[lo + c]
+        k = rings.shapes[lo + c]
         if scratch[SHAPE, c] != k:  # in most meshes all shapes are one and stay in place
-            _set_shape(scratch, c, k, norm, slope, curvature)
+            _set_shape(scratch, c, k, rings)
     if points.shape[1] == 2:
-        _set_lines_2d(points, vertex, d0, d1, others, lo, n, scratch)
+        _set_lines_2d(points, vertex, d0, d1, rings.others, lo, n, scratch)
     else:
-        _set_lines_3d(points, vertex, d0, d1, d2, others, lo, n, scratch)
+        _set_lines_3d(points, vertex, d0, d1, d2, rings.others, lo, n, scratch)
     return n
 
 
 @inlined
-def _set_shape(
-    scratch: np.ndarray, c: int, k: int, norm: np.ndarray, slope: np.ndarray, curvature: np.ndarray
-) -> None:
+def _set_shape(scratch: np.ndarray, c: int, k: int, rings: RingArrays) -> None:
     """Put row k of the shape table into column c."""
     scratch[SHAPE, c] = k
-    for i in range(norm.shape[1]):
-        scratch[NORM + i, c] = norm[k, i]
-    for i in range(slope.shape[1]):
-        scratch[SLOPE + i, c] = slope[k, i]
-    scratch[CURVATURE, c] = curvature[k]
+    for i in range(rings.norm.shape[1]):
+        scratch[NORM + i, c] = rings.norm[k, i]
+    for i in range(rings.slope.shape[1]):
+        scratch[SLOPE + i, c] = rings.slope[k, i]
+    scratch[CURVATURE, c] = rings.curvature[k]
 
 
 @inlined

@@ -18,6 +18,7 @@ from dvr_cli.relax.columns_numba import (
     SHAPE,
     V0,
     V1,
+    RingArrays,
     first_largest,
     largest_badness_2d,
     largest_badness_3d,
@@ -33,29 +34,23 @@ def relax_rings(
     directions: np.ndarray,
     first: int,
     last: int,
-    vertices: np.ndarray,
-    start: np.ndarray,
-    others: np.ndarray,
-    shapes: np.ndarray,
-    norm: np.ndarray,
-    slope: np.ndarray,
-    curvature: np.ndarray,
+    rings: RingArrays,
     scratch: np.ndarray,
 ) -> int:
     """Move the vertices of rings first .. last, which are independent, each to the best point of its line.
 
-    points: (N, d), changed in place; directions: (m, d); scratch: (ROWS, largest ring + WIDTH). The other
-    arrays are those of ``Rings`` and ``ShapeTable``. Returns how many vertices moved.
+    points: (N, d), changed in place; directions: (m, d); scratch: (ROWS, largest ring + WIDTH).
+    Returns how many vertices moved.
     """
     scratch[SHAPE] = -1.0
     d = points.shape[1]
     moved = 0
     for ring in range(first, last):
-        vertex = vertices[ring]
+        vertex = rings.vertices[ring]
         d0, d1, d2 = directions[ring, 0], directions[ring, 1], directions[ring, 2] if d == 3 else 0.0
         if d0 == 0.0 and d1 == 0.0 and d2 == 0.0:
             continue
-        n = set_ring(points, vertex, d0, d1, d2, ring, start, others, shapes, norm, slope, curvature, scratch)
+        n = set_ring(points, vertex, d0, d1, d2, ring, rings, scratch)
         step, before = _maximise_minimum(scratch, n, d)
         if step == 0.0:
             continue

@@ -15,6 +15,7 @@ from dvr_cli.relax.columns_numba import (
     SHAPE,
     V0,
     V1,
+    RingArrays,
     set_ring,
 )
 from dvr_cli.relax.line import GAIN, ROUNDING
@@ -29,13 +30,7 @@ def polish_rings(
     directions: np.ndarray,
     first: int,
     last: int,
-    vertices: np.ndarray,
-    start: np.ndarray,
-    others: np.ndarray,
-    shapes: np.ndarray,
-    norm: np.ndarray,
-    slope: np.ndarray,
-    curvature: np.ndarray,
+    rings: RingArrays,
     limit: float,
     scratch: np.ndarray,
 ) -> int:
@@ -45,12 +40,11 @@ def polish_rings(
     """
     scratch[SHAPE] = -1.0
     d = points.shape[1]
-    tables = norm, slope, curvature
     moved = 0
     for ring in range(first, last):
-        vertex = vertices[ring]
+        vertex = rings.vertices[ring]
         d0, d1, d2 = directions[ring, 0], directions[ring, 1], directions[ring, 2] if d == 3 else 0.0
-        n = set_ring(points, vertex, d0, d1, d2, ring, start, others, shapes, *tables, scratch)
+        n = set_ring(points, vertex, d0, d1, d2, ring, rings, scratch)
         if scratch[BADNESS, worst_corner(scratch, n, 0.0, d)] == np.inf:
             continue
         before = _sum_of_inverses(scratch, n, d)
@@ -59,7 +53,7 @@ def polish_rings(
             continue
         x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2] if d == 3 else 0.0
         _put(points, vertex, x0 + step * d0, x1 + step * d1, x2 + step * d2)
-        set_ring(points, vertex, 0.0, 0.0, 0.0, ring, start, others, shapes, *tables, scratch)
+        set_ring(points, vertex, 0.0, 0.0, 0.0, ring, rings, scratch)
         largest = scratch[BADNESS, worst_corner(scratch, n, 0.0, d)]
         if _keeps(before, _sum_of_inverses(scratch, n, d), largest, limit, d):
             moved += 1
@@ -74,13 +68,7 @@ def mean_directions(
     directions: np.ndarray,
     first: int,
     last: int,
-    vertices: np.ndarray,
-    start: np.ndarray,
-    others: np.ndarray,
-    shapes: np.ndarray,
-    norm: np.ndarray,
-    slope: np.ndarray,
-    curvature: np.ndarray,
+    rings: RingArrays,
     on_line: np.ndarray,
     axis: np.ndarray,
     scratch: np.ndarray,
@@ -92,11 +80,9 @@ def mean_directions(
     scratch[SHAPE] = -1.0
     d = points.shape[1]
     for ring in range(first, last):
-        vertex = vertices[ring]
+        vertex = rings.vertices[ring]
         directions[ring] = 0.0
-        n = set_ring(
-            points, vertex, 0.0, 0.0, 0.0, ring, start, others, shapes, norm, slope, curvature, scratch
-        )
+        n = set_ring(points, vertex, 0.0, 0.0, 0.0, ring, rings, scratch)
         if scratch[BADNESS, worst_corner(scratch, n, 0.0, d)] == np.inf:
             continue
         _set_powers(scratch, n, d, 0.0)

@@ -16,6 +16,7 @@ from dvr_cli.relax.columns_numba import (
     SLOPE,
     V0,
     WEIGHT,
+    RingArrays,
     set_ring,
 )
 from dvr_cli.relax.line_numba import worst_corner
@@ -28,13 +29,7 @@ def steepest_directions(
     directions: np.ndarray,
     first: int,
     last: int,
-    vertices: np.ndarray,
-    start: np.ndarray,
-    others: np.ndarray,
-    shapes: np.ndarray,
-    norm: np.ndarray,
-    slope: np.ndarray,
-    curvature: np.ndarray,
+    rings: RingArrays,
     on_line: np.ndarray,
     axis: np.ndarray,
     band: float,
@@ -50,10 +45,8 @@ def steepest_directions(
     keep = 1.0 - band
     keep = keep if d == 2 else keep * keep * keep
     for ring in range(first, last):
-        vertex = vertices[ring]
-        n = set_ring(
-            points, vertex, 0.0, 0.0, 0.0, ring, start, others, shapes, norm, slope, curvature, scratch
-        )
+        vertex = rings.vertices[ring]
+        n = set_ring(points, vertex, 0.0, 0.0, 0.0, ring, rings, scratch)
         worst = worst_corner(scratch, n, 0.0, d)
         largest = scratch[BADNESS, worst]
         count, begin = 0, -1

@@ -12,7 +12,7 @@ import numpy as np
 from dvr_cli.backend import COMPILED
 from dvr_cli.mesh.corners import SHAPES
 from dvr_cli.quality.badness_numba import worst_corner
-from dvr_cli.relax.columns_numba import ROWS, WIDTH
+from dvr_cli.relax.columns_numba import ROWS, WIDTH, RingArrays
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.line_numba import relax_rings
 from dvr_cli.relax.polish_numba import mean_directions, polish_rings
@@ -35,7 +35,7 @@ class NumbaEngine(Engine):
         self._points = np.empty((0, problem.dimension))
         self._largest_ring = int(problem.rings.sizes.max(initial=0))
         rings, table, freedom = problem.rings, SHAPES[problem.dimension], problem.freedom
-        self._arrays = (
+        self._rings = RingArrays(
             *(rings.vertices, rings.start, rings.others, rings.shapes),
             *(table.norm, table.slope, table.curvature),
         )
@@ -72,7 +72,7 @@ class NumbaEngine(Engine):
 
         def part(lo: int, hi: int) -> Any:
             scratch = np.zeros((ROWS, self._largest_ring + WIDTH))
-            return kernel(self._points, directions, lo, hi, *self._arrays, *more, scratch)
+            return kernel(self._points, directions, lo, hi, self._rings, *more, scratch)
 
         return self._in_parts(part, *self.problem.batch_start[batch : batch + 2].tolist())
 
