@@ -120,7 +120,14 @@ REGISTRY = (
         reader="obj",
     ),
     Format("tetgen", (".node", ".ele"), reader="tetgen", several=True, converter=None),
-    Format("abaqus", (".inp",)),
+    Format(
+        "abaqus",
+        (".inp",),
+        re.compile(rb"(\xef\xbb\xbf)?(\s*\*\*[^\n]*\n)*\s*\*(?!KEYWORD\b)[A-Za-z]", re.IGNORECASE),
+        reader="abaqus",
+        several=True,
+        converter="abaqus",
+    ),
     Format("tecplot", (".dat", ".tec"), re.compile(rb"(?i)\s*(#[^\n]*\n\s*)*(TITLE|VARIABLES|ZONE)\b")),
     Format(
         "nastran",

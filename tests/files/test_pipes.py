@@ -169,7 +169,7 @@ def test_the_format_of_the_output_can_be_named(tmp_path, name):
     assert len(open_mesh(path).mesh.points) == 5
 
 
-@pytest.mark.parametrize("suffix", ["su2", "inp"])
+@pytest.mark.parametrize("suffix", ["su2"])
 def test_a_format_that_bytes_do_not_tell_has_to_be_named(tmp_path, suffix):
     cells = {"quad": [[0, 1, 2, 3]]} if suffix == "su2" else FAN.cells_dict
     points = FAN.points[:, :2] if suffix == "su2" else FAN.points
