@@ -18,7 +18,7 @@ TWINS = (
     *(facets.facet_order, interior.cancel_facets, interior.cancel_facets_of_simplices),
     *(rings.incidence, rings.rings, simplex.determinants),
     *(angles.with_extreme_cosines, mean_ratio.corner_terms),
-    *(problem.along_curve, schedule.colours, schedule.levels, neighbourhoods.choose, solver.solve_patch),
+    *(problem.touched_corners, schedule.colours, schedule.levels, neighbourhoods.choose, solver.solve_patch),
 )
 
 

@@ -192,7 +192,7 @@ class Relaxer:
         """(N,) bool: the vertices within that many rings of those marked in ``moved``."""
         if rings < 0:
             raise UsageError("near: must not be negative")
-        return within_rings(self.domain.cells, moved, rings)
+        return within_rings([block.vertices for block in self.domain.cells], moved, rings)
 
     def step(
         self,

@@ -78,7 +78,7 @@ def _around_worse(domain: Domain, limit: float, layers: int) -> np.ndarray:
     ends = np.cumsum([len(block.vertices) for block in domain.cells])
     for block, mask in zip(domain.cells, np.split(bad, ends[:-1]), strict=True):
         near[block.vertices[mask]] = True
-    return within_rings(domain.cells, near, layers)
+    return within_rings([block.vertices for block in domain.cells], near, layers)
 
 
 def _listed(vertices: np.ndarray, n: int) -> np.ndarray:

@@ -106,22 +106,42 @@ for _known in CELL_TYPES.values():
 
 
 @dataclass(frozen=True)
-class Corners:
-    """All corners of a set of cells of one dimension d.
+class Simplices:
+    """Corners of whatever cells, each on its own.
 
     vertices: (C, d+1) int32 point indices, the corner's own vertex first.
     shapes: (C, d+1) uint8: row of the shape table for each choice of origin among the vertices.
-    first: (n_cells + 1,) int64: the corners of cell i are first[i] .. first[i+1].
     """
 
     vertices: np.ndarray
     shapes: np.ndarray
-    first: np.ndarray
 
     @property
     def dimension(self) -> int:
         """d: 2 or 3."""
         return self.vertices.shape[1] - 1
+
+    def part(self, which: np.ndarray | slice) -> Simplices:
+        """Some of the corners, given by number, by mask or as a slice."""
+        return Simplices(self.vertices[which], self.shapes[which])
+
+
+@dataclass(frozen=True)
+class Corners(Simplices):
+    """All corners of a set of cells of one dimension d.
+
+    start: (n_cells + 1,) int64: the corners of cell i are start[i] .. start[i+1].
+    """
+
+    start: np.ndarray
+
+    def by_cell(self, combine: np.ufunc, values: np.ndarray) -> np.ndarray:
+        """What ``combine`` (np.minimum, say) makes of the values (C, ...) of each cell's corners."""
+        return combine.reduceat(values, self.start[:-1]) if len(values) else values
+
+    def cell_of(self, corner: int) -> int:
+        """The cell that a corner belongs to."""
+        return int(np.searchsorted(self.start, corner, side="right")) - 1
 
 
 def corners_of(blocks: list[Cells], dimension: int) -> Corners:
@@ -138,10 +158,10 @@ def corners_of(blocks: list[Cells], dimension: int) -> Corners:
         vertices.append(block.vertices[:, local].reshape(-1, dimension + 1).astype(np.int32, copy=False))
         shapes.append(np.tile(corner_shapes(cell_type), (len(block.vertices), 1)))
         counts.append(np.full(len(block.vertices), len(local)))
-    first = np.concatenate([[0], np.cumsum(np.concatenate([np.empty(0, np.int64), *counts]))])
+    start = np.concatenate([[0], np.cumsum(np.concatenate([np.empty(0, np.int64), *counts]))])
     empty = np.empty((0, dimension + 1))
     return Corners(
         vertices=np.concatenate(vertices) if vertices else empty.astype(np.int32),
         shapes=np.concatenate(shapes) if shapes else empty.astype(np.uint8),
-        first=first.astype(np.int64),
+        start=start.astype(np.int64),
     )

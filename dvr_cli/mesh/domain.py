@@ -135,11 +135,9 @@ def domain_of(mesh: Mesh, straighten: bool = False, backend: Backend = NUMPY) ->
     as_stored = corners_of(stored, dimension)
     if points.shape[1] > dimension:  # either side of a surface may be its upper one
         backend = NUMPY
-        mirrored = unlike_cells(np.ones(len(as_stored.first) - 1), stored)
+        mirrored = unlike_cells(np.ones(len(as_stored.start) - 1), stored)
     else:
-        measures = np.add.reduceat(
-            backend.twin(determinants)(points, as_stored.vertices), as_stored.first[:-1]
-        )
+        measures = as_stored.by_cell(np.add, backend.twin(determinants)(points, as_stored.vertices))
         mirrored = mirrored_cells(measures, stored, backend)
     cells = with_mirrored(stored, mirrored)
     region = regions_of(mesh, chosen)

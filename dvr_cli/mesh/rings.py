@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
-from dvr_cli.mesh.corners import ORIGIN_FIRST, Corners
+from dvr_cli.mesh.corners import ORIGIN_FIRST, Simplices
 from dvr_cli.mesh.csr import group, row_entries
 
 
@@ -52,7 +52,7 @@ class Incidence:
     place: np.ndarray
     members: np.ndarray
 
-    def rings(self, corners: Corners, sequence: np.ndarray, backend: Backend = NUMPY) -> Rings:
+    def rings(self, corners: Simplices, sequence: np.ndarray, backend: Backend = NUMPY) -> Rings:
         """The rings of the vertices sequence[0], sequence[1], ... of the m, each once.
 
         backend: what computes; the result is the same.
@@ -63,7 +63,7 @@ class Incidence:
 
 
 def incidence_of(
-    corners: Corners, vertices: np.ndarray, n_points: int, backend: Backend = NUMPY
+    corners: Simplices, vertices: np.ndarray, n_points: int, backend: Backend = NUMPY
 ) -> Incidence:
     """The incidence of ``vertices`` ((m,) distinct point indices).
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.mesh.corners import SHAPES, Corners
+from dvr_cli.mesh.corners import SHAPES, Simplices
 from dvr_cli.mesh.simplex import chunks, edges_and_determinant
 from dvr_cli.quality.mean_ratio import weighted_norm
 
@@ -15,7 +15,7 @@ def badness(v: np.ndarray, s: np.ndarray, dimension: int) -> np.ndarray:
     return np.where(v > 0, ratio, np.inf)
 
 
-def worst_corner(points: np.ndarray, corners: Corners) -> tuple[int, float]:
+def worst_corner(points: np.ndarray, corners: Simplices) -> tuple[int, float]:
     """The first of the corners with the largest badness, and that badness; 0 and -1 if there are none.
 
     points: (N, d).

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.quality.fans import fans
 from dvr_cli.quality.mean_ratio import corner_qualities
@@ -101,15 +100,13 @@ def _cell(domain: Domain, element: Element) -> int:
 
 def _vertices(domain: Domain, element: Element) -> list[int]:
     """The vertices of an element of the domain."""
-    own = slice(*domain.corners.first[_cell(domain, element) :][:2])
+    own = slice(*domain.corners.start[_cell(domain, element) :][:2])
     return np.unique(domain.corners.vertices[own]).tolist()
 
 
 def _worst_corner(domain: Domain, flat: np.ndarray, element: Element) -> tuple[np.ndarray, str]:
     """The vertices that the quality of an element depends on, those of its worst corner, and their owner."""
-    corners = domain.corners
-    own = slice(*corners.first[_cell(domain, element) :][:2])
-    vertices, shapes = corners.vertices[own], corners.shapes[own]
-    worst = corner_qualities(flat, Corners(vertices, shapes, np.array([0, len(vertices)]))).argmin()
+    own = domain.corners.part(slice(*domain.corners.start[_cell(domain, element) :][:2]))
+    worst = corner_qualities(flat, own).argmin()
     name = f"{element.cell_type} {element.cell}"
-    return vertices[worst], name if len(vertices) == 1 else f"a corner of {name}"
+    return own.vertices[worst], name if len(own.vertices) == 1 else f"a corner of {name}"

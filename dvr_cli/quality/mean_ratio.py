@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
-from dvr_cli.mesh.corners import SHAPES, Corners
+from dvr_cli.mesh.corners import SHAPES, Corners, Simplices
 from dvr_cli.mesh.simplex import Components, chunks, dot, edges_and_determinant
 
 DEGENERATE = 1e-10  # |Q| up to which an element counts as degenerate rather than positive or inverted
@@ -38,7 +38,7 @@ def mean_ratio(v: np.ndarray, s: np.ndarray, dimension: int) -> np.ndarray:
 
 
 def corner_qualities(
-    points: np.ndarray, corners: Corners, backend: Backend = NUMPY, inverted: np.ndarray | None = None
+    points: np.ndarray, corners: Simplices, backend: Backend = NUMPY, inverted: np.ndarray | None = None
 ) -> np.ndarray:
     """Mean ratio of every corner: (C,) float64.
 
@@ -69,7 +69,7 @@ def corner_terms(
         s[chunk] = weighted_norm(edges, norm[shapes[chunk, 0]].T)
 
 
-def turned_over(points: np.ndarray, corners: Corners, normals: np.ndarray) -> np.ndarray:
+def turned_over(points: np.ndarray, corners: Simplices, normals: np.ndarray) -> np.ndarray:
     """(C,) bool: corners of a surface whose normals point away from ``normals`` (C, 3); points: (N, 3)."""
     a, b, c = (points[vertex] for vertex in corners.vertices.T)
     return (np.cross(b - a, c - a) * normals).sum(axis=1) < 0.0
@@ -78,8 +78,8 @@ def turned_over(points: np.ndarray, corners: Corners, normals: np.ndarray) -> np
 def cell_normals(points: np.ndarray, corners: Corners) -> np.ndarray:
     """(C, 3) for each corner of a surface the vector area, in any scale, of the cell it is of."""
     a, b, c = (points[vertex] for vertex in corners.vertices.T)
-    total = np.add.reduceat(np.cross(b - a, c - a), corners.first[:-1])
-    return np.repeat(total, np.diff(corners.first), axis=0)
+    total = corners.by_cell(np.add, np.cross(b - a, c - a))
+    return np.repeat(total, np.diff(corners.start), axis=0)
 
 
 def element_qualities(points: np.ndarray, corners: Corners) -> np.ndarray:
@@ -87,5 +87,4 @@ def element_qualities(points: np.ndarray, corners: Corners) -> np.ndarray:
 
     points: (N, d) coordinates.
     """
-    quality = corner_qualities(points, corners)
-    return np.minimum.reduceat(quality, corners.first[:-1]) if len(quality) else quality
+    return corners.by_cell(np.minimum, corner_qualities(points, corners))

@@ -71,7 +71,7 @@ def measure(
     flat = domain.flatten(points)
     corners = domain.corners
     by_corner = _by_corner(domain, flat, inverted)
-    elements = np.minimum.reduceat(by_corner, corners.first[:-1])
+    elements = corners.by_cell(np.minimum, by_corner)
     moves = np.zeros(len(points), dtype=bool)
     moves[relaxed] = True
     touched = moves[corners.vertices].any(axis=1)
@@ -101,7 +101,7 @@ def measure(
 def mean_quality(domain: Domain, flat: np.ndarray) -> float:
     """The mean quality of the elements of a domain with coordinates ``flat`` (N, d)."""
     by_corner = _by_corner(domain, flat, None)
-    return float(np.minimum.reduceat(by_corner, domain.corners.first[:-1]).mean())
+    return float(domain.corners.by_cell(np.minimum, by_corner).mean())
 
 
 def _by_corner(domain: Domain, flat: np.ndarray, inverted: np.ndarray | None) -> np.ndarray:
@@ -134,7 +134,7 @@ def _q1_element(
     if not touched.any():
         return None
     corner = int(np.where(touched, by_corner, np.inf).argmin())
-    cell = int(np.searchsorted(domain.corners.first, corner, side="right")) - 1
+    cell = domain.corners.cell_of(corner)
     return _element(domain, points, elements, cell)
 
 

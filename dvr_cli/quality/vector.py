@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.mesh.corners import Corners
+from dvr_cli.mesh.corners import Simplices
 
 
-def ring_minima(corner_quality: np.ndarray, corners: Corners, n_points: int) -> np.ndarray:
+def ring_minima(corner_quality: np.ndarray, corners: Simplices, n_points: int) -> np.ndarray:
     """(N,) minimum quality in the ring of each vertex; infinite for a vertex without corners.
 
     corner_quality: (C,) quality of each corner.

@@ -13,7 +13,7 @@ import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.boundary.freedom import Freedom
-from dvr_cli.mesh.corners import Corners
+from dvr_cli.mesh.corners import Corners, Simplices
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.morton import morton_order
 from dvr_cli.mesh.rings import Rings, incidence_of
@@ -27,7 +27,8 @@ class Problem:
     order: (N,) the mesh's number of each vertex.
     rings: one ring a relaxed vertex, batch after batch.
     batch_start: (B + 1,) the rings of batch b are batch_start[b] .. batch_start[b+1].
-    touched: the corners with a relaxed vertex, over which Q1 is taken.
+    touched: the corners with a relaxed vertex, over which Q1 is taken, in the order of their smallest vertex.
+    touched_ids: (C,) the number of each among the corners of the mesh.
     dimension: 2 or 3.
     freedom: how far the vertex of each ring may move, one row a ring; None where all move anywhere.
     """
@@ -35,7 +36,8 @@ class Problem:
     order: np.ndarray
     rings: Rings
     batch_start: np.ndarray
-    touched: Corners
+    touched: Simplices
+    touched_ids: np.ndarray
     dimension: int
     freedom: Freedom | None = None
 
@@ -60,40 +62,43 @@ def build_problem(
     computes; freedom: how far they may move, by default anywhere.
     """
     n_points = len(points)
-    curve = morton_order(points)
+    in_order = morton_order(points)
     number = np.empty(n_points, dtype=np.int32)
-    number[curve] = np.arange(n_points)
+    number[in_order] = np.arange(n_points)
     moves = np.zeros(n_points, dtype=bool)
     moves[relaxed] = True
-    parts = backend.twin(along_curve)(corners.vertices, corners.shapes, moves, number)
-    touched = Corners(*parts, corners.first[:1])
-    on_curve = moves[curve]
-    incidence = incidence_of(touched, np.flatnonzero(on_curve), n_points, backend)
-    natural = (np.cumsum(on_curve) - 1)[number[relaxed]]
+    vertices, shapes, touched_ids = backend.twin(touched_corners)(
+        corners.vertices, corners.shapes, moves, number
+    )
+    touched = Simplices(vertices, shapes)
+    moving = moves[in_order]
+    incidence = incidence_of(touched, np.flatnonzero(moving), n_points, backend)
+    natural = (np.cumsum(moving) - 1)[number[relaxed]]
     split = batches(incidence, order, seed, backend, natural)
     sequence = np.concatenate([np.empty(0, dtype=np.int64), *split])
     rings = incidence.rings(touched, sequence, backend)
     return Problem(
-        order=curve,
+        order=in_order,
         rings=rings,
         batch_start=np.concatenate([[0], np.cumsum([len(part) for part in split], dtype=np.int64)]),
         touched=touched,
+        touched_ids=touched_ids,
         dimension=corners.dimension,
-        freedom=_of_rings(freedom, curve[rings.vertices]),
+        freedom=_of_rings(freedom, in_order[rings.vertices]),
     )
 
 
-def along_curve(
+def touched_corners(
     vertices: np.ndarray, shapes: np.ndarray, moves: np.ndarray, number: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and shapes of the corners with a vertex that moves, in the order of their smallest vertex.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The corners with a vertex that moves, in the order of their smallest vertex: vertices, shapes, numbers.
 
     vertices, shapes: of Corners; moves: (N,) bool; number: (N,) the vertices are renumbered so.
     """
     touched = np.flatnonzero(moves[vertices].any(axis=1))
     renumbered = number[vertices[touched]]
     order = group(renumbered.min(axis=1), len(number))[0]
-    return renumbered[order], shapes[touched[order]]
+    return renumbered[order], shapes[touched[order]], touched[order]
 
 
 def _of_rings(freedom: Freedom | None, vertices: np.ndarray) -> Freedom | None:

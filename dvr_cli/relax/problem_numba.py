@@ -8,10 +8,10 @@ from dvr_cli.jit import compiled
 
 
 @compiled
-def along_curve(
+def touched_corners(
     vertices: np.ndarray, shapes: np.ndarray, moves: np.ndarray, number: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """As ``problem.along_curve``."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As ``problem.touched_corners``."""
     n, width = vertices.shape
     smallest = np.full(n, -1, dtype=np.int32)
     place = np.zeros(len(number) + 1, dtype=np.int64)
@@ -27,11 +27,13 @@ def along_curve(
         place[i + 1] += place[i]
     new_vertices = np.empty((place[-1], width), dtype=np.int32)
     new_shapes = np.empty((place[-1], width), dtype=np.uint8)
+    numbers = np.empty(place[-1], dtype=np.int64)
     for c in range(n):
         if smallest[c] >= 0:
             to = place[smallest[c]]
             place[smallest[c]] += 1
+            numbers[to] = c
             for k in range(width):
                 new_vertices[to, k] = number[vertices[c, k]]
                 new_shapes[to, k] = shapes[c, k]
-    return new_vertices, new_shapes
+    return new_vertices, new_shapes, numbers

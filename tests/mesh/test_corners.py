@@ -125,9 +125,9 @@ def test_corners_follow_the_blocks_in_order():
     quads = np.array([[0, 1, 2, 3], [1, 4, 5, 2]])
     triangles = np.array([[3, 2, 6]])
     corners = corners_of([Cells("quad", quads), Cells("triangle", triangles)], 2)
-    assert corners.first.tolist() == [0, 4, 8, 9]
+    assert corners.start.tolist() == [0, 4, 8, 9]
     for cell, vertices in enumerate([*quads, *triangles]):
-        own = corners.vertices[corners.first[cell] : corners.first[cell + 1]]
+        own = corners.vertices[corners.start[cell] : corners.start[cell + 1]]
         assert set(own.ravel().tolist()) == set(vertices.tolist())
     assert corners.vertices.dtype == np.int32
     assert corners.dimension == 2
@@ -136,7 +136,7 @@ def test_corners_follow_the_blocks_in_order():
 def test_no_cells_have_no_corners():
     corners = corners_of([], 3)
     assert corners.vertices.shape == corners.shapes.shape == (0, 4)
-    assert corners.first.tolist() == [0]
+    assert corners.start.tolist() == [0]
 
 
 @pytest.mark.parametrize(("cell_type", "dimension"), [("triangle", 3), ("tetra", 2), ("polygon", 2)])

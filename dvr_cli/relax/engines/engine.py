@@ -7,7 +7,6 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from dvr_cli.backend import Backend
-from dvr_cli.mesh.corners import Corners
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.problem import Problem
 from dvr_cli.relax.steepest import Ascent
@@ -63,8 +62,7 @@ class Engine(ABC):
         corner, badness = self._worst_corner()
         # where corners are not positive their badness does not order them
         chosen = slice(corner, corner + 1) if badness < np.inf else slice(None)
-        worst = Corners(touched.vertices[chosen], touched.shapes[chosen], touched.first)
-        return float(corner_qualities(self._get(), worst).min())
+        return float(corner_qualities(self._get(), touched.part(chosen)).min())
 
     def qualities(self) -> np.ndarray:
         """(C,) quality of each corner with a relaxed vertex."""

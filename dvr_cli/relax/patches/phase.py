@@ -21,7 +21,7 @@ from functools import partial
 import numpy as np
 
 from dvr_cli.boundary.freedom import Freedom
-from dvr_cli.mesh.corners import SHAPES, Corners
+from dvr_cli.mesh.corners import SHAPES
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.patches.neighbourhoods import ROUND, Neighbourhoods, Patches
@@ -130,8 +130,7 @@ class _State:
         """
         self.slot[patches.freed] = -1
         corners = patches.corners
-        changed = Corners(patches.vertices, self._touched.shapes[corners], self._touched.first)
-        self.quality[corners] = corner_qualities(self.points, changed)
+        self.quality[corners] = corner_qualities(self.points, self._touched.part(corners))
         with np.errstate(invalid="ignore"):  # infinite before and after: no growth
             growth = (badness[:, 0] / badness[:, 1]) ** self._power - 1.0
         grown = growth >= PROGRESS

@@ -62,17 +62,14 @@ class Projection:
         number[problem.order] = np.arange(len(points))
         self._on_curve = np.zeros(len(points), dtype=bool)
         self._on_curve[number[curved.on_curve]] = True
-        touched = np.flatnonzero(np.isin(corners.vertices, curved.projected).any(axis=1))
-        along_curve, _ = group(number[corners.vertices[touched]].min(axis=1), len(points))
-        self._touched = touched[along_curve]  # the number of each corner that the problem touches
         self.inverted = np.zeros(len(corners.vertices), dtype=bool)
         if self._is_surface:
             self.inverted = turned_over(points, corners, cell_normals(points, corners))
             ring = np.full(len(points), -1)
             ring[problem.rings.vertices] = np.arange(len(problem.rings.vertices))
             position, _ = group(ring[problem.touched.vertices.ravel()], len(problem.rings.vertices))
-            self._corner = self._touched[position // 3]  # of each entry of the rings
-            cell = np.repeat(np.arange(len(corners.first) - 1), np.diff(corners.first))
+            self._corner = problem.touched_ids[position // 3]  # of each entry of the rings
+            cell = np.repeat(np.arange(len(corners.start) - 1), np.diff(corners.start))
             self._triangle = np.searchsorted(curved.facet, cell)  # one each corner's cell is cut in
         start = points[problem.order]
         self._surface = Track(start, number[curved.triangles], curved.patch, number[curved.on_patch])
@@ -95,7 +92,9 @@ class Projection:
 
     def q1(self, points: np.ndarray) -> float:
         """The worst quality of a corner with a projected vertex; points: (N, d), the problem's numbering."""
-        qualities = corner_qualities(points, self.problem.touched, inverted=self.inverted[self._touched])
+        qualities = corner_qualities(
+            points, self.problem.touched, inverted=self.inverted[self.problem.touched_ids]
+        )
         return float(qualities.min(initial=np.inf))
 
     def deviation(self, points: np.ndarray) -> float:

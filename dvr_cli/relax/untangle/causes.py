@@ -8,8 +8,9 @@ from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.boundary.self_intersection import crossing_facets
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import Domain
+from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.quality.mean_ratio import DEGENERATE, element_qualities
-from dvr_cli.relax.untangle.phase import hopeless, widened
+from dvr_cli.relax.untangle.phase import hopeless
 
 _NEAR = 2  # rings of vertices around a crossing within which it is to blame
 
@@ -30,8 +31,8 @@ def left_over(points: np.ndarray, domain: Domain, freedom: Freedom) -> dict[str,
     if rest.any():
         facets = _held_facets(domain, freedom)
         crossing[facets[crossing_facets(points, facets)]] = True
-    near = widened(corners, crossing, _NEAR)[corners.vertices].any(axis=1)
-    blamed = rest & np.logical_or.reduceat(near, corners.first[:-1])
+    near = within_rings([corners.vertices], crossing, _NEAR)[corners.vertices].any(axis=1)
+    blamed = rest & corners.by_cell(np.logical_or, near)
     return {
         "elements": int(tangled.sum()),
         "hopeless": int((tangled & known).sum()),

@@ -16,6 +16,7 @@ import numpy as np
 
 from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.mesh.corners import Corners
+from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities, element_qualities
 from dvr_cli.relax.stopping import StopReason
 from dvr_cli.relax.untangle.energy import Energy
@@ -76,7 +77,7 @@ def untangle(
     while run.tangled.any():
         if run.ended or len(run.rounds) in (best + _PATIENCE, _ROUNDS):
             return run.result(StopReason.STUCK)
-        region = widened(corners, vertices_of(run.tangled, corners, len(points)), rings)
+        region = within_rings([corners.vertices], vertices_of(run.tangled, corners, len(points)), rings)
         moved |= region
         before = run.tangled.sum()
         run.minimise(region, _SHRINK / 2**idle)
@@ -89,7 +90,7 @@ def untangle(
     excess, before = run.excess(core), np.inf
     while not run.ended and excess > _EVEN and excess < _PAYS * before:
         rings *= 2
-        moved = widened(corners, moved, rings)
+        moved = within_rings([corners.vertices], moved, rings)
         run.minimise(moved, 0.0)
         excess, before = run.excess(core), excess
     return run.result(StopReason.UNTANGLED)
@@ -99,9 +100,8 @@ def hopeless(points: np.ndarray, corners: Corners, freedom: Freedom) -> np.ndarr
     """(n_cells,) bool: elements with a corner that is not positive and whose vertices are all held."""
     held = (freedom.dimension == 0)[corners.vertices].all(axis=1)
     flat = np.zeros(len(held), dtype=bool)
-    some = Corners(corners.vertices[held], corners.shapes[held], corners.first[:1])
-    flat[held] = corner_qualities(points, some) <= DEGENERATE
-    return np.logical_or.reduceat(flat, corners.first[:-1])
+    flat[held] = corner_qualities(points, corners.part(held)) <= DEGENERATE
+    return corners.by_cell(np.logical_or, flat)
 
 
 class _Run:
@@ -162,8 +162,7 @@ class _Run:
 
     def excess(self, chosen: np.ndarray) -> float:
         """Mean of 1/Q - 1 over the corners marked in ``chosen``, all of them positive."""
-        some = Corners(self._corners.vertices[chosen], self._corners.shapes[chosen], self._corners.first[:1])
-        return float((1 / corner_qualities(self._scaled, some)).mean()) - 1
+        return float((1 / corner_qualities(self._scaled, self._corners.part(chosen))).mean()) - 1
 
     def result(self, reason: StopReason) -> Untangling:
         """The best coordinates met, and why there was no further round."""
@@ -180,16 +179,5 @@ class _Run:
 def vertices_of(chosen: np.ndarray, corners: Corners, n_points: int) -> np.ndarray:
     """(N,) bool: the vertices of the elements marked in ``chosen`` ((n_cells,) bool)."""
     marked = np.zeros(n_points, dtype=bool)
-    marked[corners.vertices[np.repeat(chosen, np.diff(corners.first))]] = True
-    return marked
-
-
-def widened(corners: Corners, marked: np.ndarray, rings: int) -> np.ndarray:
-    """The vertices ``marked`` ((N,) bool) and so many rings of neighbours around them."""
-    marked = marked.copy()
-    for _ in range(rings):
-        reached = corners.vertices[marked[corners.vertices].any(axis=1)]
-        if marked[reached].all():
-            break
-        marked[reached] = True
+    marked[corners.vertices[np.repeat(chosen, np.diff(corners.start))]] = True
     return marked

@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 from dvr_cli.api import SmoothOptions, smooth_mesh
 from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.errors import UsageError
-from dvr_cli.mesh.corners import SHAPES, Corners
+from dvr_cli.mesh.corners import SHAPES, Simplices
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.mean_ratio import corner_qualities
@@ -150,7 +150,7 @@ def test_optimum_against_scipy(kind):
     run = Run(kind, 5)
     parts = patch_of(run, layers=0)
     points, moving, vertices, shapes = parts[:4]
-    corners = Corners(vertices, shapes[:, None], np.array([0]))
+    corners = Simplices(vertices, shapes[:, None])
     before = corner_qualities(points, corners).min()
     solve_patch(*parts)
     reached = corner_qualities(points, corners).min()
