@@ -143,7 +143,13 @@ REGISTRY = (
         reader="su2",
         converter="su2.convert",
     ),
-    Format("stl", (".stl",), meshio=("stl", {"binary": True})),
+    Format(
+        "stl",
+        (".stl",),
+        re.compile(rb"\s*solid\b[^\n]*\n\s*(facet|endsolid)\b", re.IGNORECASE),
+        reader="stl",
+        converter="stl",
+    ),
     Format("xdmf", (".xdmf", ".xmf")),
     Format(
         "med",

@@ -21,6 +21,7 @@ REGION_NAMES = frozenset(
         "meditref",
         "tetgenref",
         "objgroup",
+        "stlsolid",
         "nastranproperty",
         "su2marker",
         "su2zone",
