@@ -135,6 +135,7 @@ REGISTRY = (
         re.compile(_DECK),
         reader="nastran",
         several=True,
+        converter="nastran.convert",
     ),
     Format(
         "su2",

@@ -13,11 +13,14 @@ from dvr_cli.errors import DvrError, InputError, OutputError
 from dvr_cli.files.formats import format_of
 from dvr_cli.files.nastran import read
 from dvr_cli.files.nastran.columns import field_text, value_of
+from dvr_cli.files.nastran.convert import convert
 from dvr_cli.files.numbers_in_text import fitted
 from dvr_cli.files.reading import open_mesh
 from dvr_cli.files.source import InputFile
 from dvr_cli.files.writing import Output
 from dvr_cli.mesh.convert import from_meshio
+from dvr_cli.mesh.domain import domain_of
+from dvr_cli.mesh.mesh import Cells, Mesh
 from fuzz import COUNTS, mutated
 from needs import require
 
@@ -475,6 +478,52 @@ class TestIncludes:
             open_mesh(deck)
 
 
+class TestConversion:
+    @pytest.mark.parametrize("order", [1, 2])
+    @pytest.mark.parametrize("hexahedra", [False, True])
+    def test_cells_and_coordinates_are_kept(self, gmsh_decks, hexahedra, order, tmp_path):
+        own = gmsh_decks[hexahedra, order, 0][1]
+        source = convert(own, ["its drawing is not kept"])
+        points = own.points + np.array([1 / 3, 2 / 3, 0.5])
+        stored = source.stored(points)
+        assert source.notes[0] == "its drawing is not kept"
+        assert np.abs(stored - points).max() < 1e-14
+        out = written(source, points)
+        mesh = opened(out).mesh
+        assert np.array_equal(mesh.points, stored)
+        theirs = [block for block in own.cells if block.type not in ("vertex", "line3")]
+        assert {name for name, _ in cells_of(mesh)} == {block.type for block in theirs}
+        for block in mesh.cells:
+            same = np.concatenate([other.vertices for other in theirs if other.type == block.type])
+            assert block.vertices.tolist() == same.tolist()
+        tags, by_gmsh = read_by_gmsh(out, tmp_path)
+        assert np.abs(by_gmsh - stored[np.array(tags) - 1]).max() < 1e-15
+        assert len(tags) == len(stored)
+
+    def test_regions_become_properties(self):
+        points = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+        cells = [Cells("triangle", np.array([[0, 1, 2], [0, 2, 3]])), Cells("vertex", np.array([[3]]))]
+        mesh = Mesh(points, cells, {"medit:ref": [np.array([7, 9]), np.array([1])]}, {"h": np.zeros(4)})
+        source = convert(mesh, [])
+        assert source.stored(points).tolist() == points.tolist()
+        assert source.notes == [
+            "cell data medit:ref is kept as nastran:property",
+            "1 cells of type vertex or line3 are not kept",
+            "point data not kept: h",
+        ]
+        back = opened(written(source, points)).mesh
+        assert back.cell_data["nastran:property"][0].tolist() == [7, 9]
+        mesh.cell_data = {"medit:ref": [np.array([0, -5]), np.array([0])]}
+        source = convert(mesh, [])
+        back = opened(written(source, points)).mesh
+        assert len(set(back.cell_data["nastran:property"][0].tolist())) == 2
+
+    def test_what_has_no_element_is_refused(self):
+        mesh = Mesh(np.zeros((27, 3)), [Cells("hexahedron27", np.arange(27)[None])])
+        with pytest.raises(OutputError, match="no elements for cells of type hexahedron27"):
+            convert(mesh, [])
+
+
 @pytest.mark.parametrize("width", [8, 16])
 def test_fields_hold_as_much_as_fits(width):
     rng = np.random.default_rng(width)
@@ -486,6 +535,16 @@ def test_fields_hold_as_much_as_fits(width):
         assert len(text) <= width
         assert "." in text
         assert abs(value_of(text) - value) <= abs(value_of(best.decode()) - value)
+
+
+def test_the_interface_of_two_properties_stays():
+    rows = [(x, y) for y in range(3) for x in range(5)]
+    grids = b"".join(b"GRID,%d,,%d.,%d.,0.\n" % (i + 1, x, y) for i, (x, y) in enumerate(rows))
+    quads = [i for i, (x, y) in enumerate(rows) if x < 4 and y < 2]
+    cells = b"".join(
+        b"CQUAD4,%d,%d,%d,%d,%d,%d\n" % (i + 1, 1 + i % 5 // 2, i + 1, i + 2, i + 7, i + 6) for i in quads
+    )
+    assert np.flatnonzero(domain_of(opened(grids + cells).mesh).interior).tolist() == [6, 8]
 
 
 def test_content_tells_it_from_tecplot():
