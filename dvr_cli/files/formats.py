@@ -151,7 +151,14 @@ REGISTRY = (
         reader="stl",
         converter="stl",
     ),
-    Format("xdmf", (".xdmf", ".xmf")),
+    Format(
+        "xdmf",
+        (".xdmf", ".xmf"),
+        re.compile(_XML + rb"(<!DOCTYPE[^>]*>\s*)?(<!--.*?-->\s*)*<Xdmf\b", re.DOTALL),
+        reader="xdmf",
+        several=True,
+        converter="xdmf.convert",
+    ),
     Format(
         "med",
         (".med", ".mmed", ".rmed"),

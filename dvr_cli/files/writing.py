@@ -44,8 +44,7 @@ class Output:
         self._field = field
         if field is not None:
             self.fill([np.zeros(len(block.vertices)) for block in source.mesh.cells], source.mesh.points)
-        if self._writer is not source:
-            self.stored(source.mesh.points)  # a format that cannot hold the mesh is found out now
+        self.stored(source.mesh.points)  # what cannot be written is found out now
 
     @property
     def notes(self) -> list[str]:

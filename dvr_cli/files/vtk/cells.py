@@ -48,6 +48,9 @@ _TYPES = {
 }
 _MAX_BLOCKS = 1000
 _NODE_ORDER = {8: [0, 1, 3, 2], 11: [0, 1, 3, 2, 4, 5, 7, 6], 13: [0, 2, 1, 3, 5, 4]}
+# The way back: VTK's number of a type of meshio's, and the place in meshio's order of each node in VTK's.
+VTK_TYPE = {name: number for number, (name, _) in _TYPES.items() if number not in (8, 11)}
+VTK_ORDER = {"wedge": np.argsort(_NODE_ORDER[13]).tolist()}
 _UNSUPPORTED = {
     0: "empty cells",
     6: "triangle strips",
@@ -85,7 +88,7 @@ def list_with_counts(entries: np.ndarray, n: int, what: str) -> CellList:
     if size >= 0 and n * (size + 1) == m and (entries[:: size + 1] == size).all():
         heads = np.arange(n) * (size + 1)
     else:
-        heads = _chain(np.arange(m) + 1 + np.clip(entries, 0, m), n)
+        heads = chain(np.arange(m) + 1 + np.clip(entries, 0, m), n)
     if len(heads):
         sizes = entries[np.minimum(heads, m - 1)]
         if heads[-1] + 1 + sizes[-1] != m or (sizes < 0).any():
@@ -97,7 +100,7 @@ def list_with_counts(entries: np.ndarray, n: int, what: str) -> CellList:
     return CellList(entries, heads + 1, sizes)
 
 
-def _chain(following: np.ndarray, n: int) -> np.ndarray:
+def chain(following: np.ndarray, n: int) -> np.ndarray:
     """The first n of 0, following[0], following[following[0]], ...; m = len(following) where that leads out.
 
     By doubling: once the first k are known, jumping k steps from each gives the next k.
