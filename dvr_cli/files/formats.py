@@ -180,7 +180,7 @@ REGISTRY = (
     Format("flac3d", (".f3grid",)),
     Format("hmf", (".hmf",)),
     Format("mdpa", (".mdpa",)),
-    Format("netgen", (".vol",)),
+    Format("netgen", (".vol",), reader="netgen", several=True),
     Format("permas", (".post",)),
     Format("ugrid", (".ugrid",)),
 )
