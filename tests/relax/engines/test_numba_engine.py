@@ -82,7 +82,7 @@ def test_same_bytes_on_any_number_of_threads(kind, threads):
 @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.name)
 def test_same_bytes_on_the_sample_meshes(path):
     mesh = open_mesh(path).mesh
-    assert result(mesh, "numba", threads=2, sweeps=10) == result(mesh, "numpy", sweeps=10)
+    assert result(mesh, "numba", threads=2, sweeps=4) == result(mesh, "numpy", sweeps=4)
 
 
 @settings(max_examples=60, deadline=None)

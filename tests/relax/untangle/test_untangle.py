@@ -126,10 +126,11 @@ def test_relaxation_alone_repairs_the_hexagon_only_while_the_tangling_is_mild(ri
     assert (report.after.q1 > 0.95) == mild
 
 
+@pytest.mark.parametrize("trials", [10, pytest.param(50, marks=pytest.mark.long)])
 @pytest.mark.parametrize("lengths", [1, 2])
 @pytest.mark.parametrize(("kind", "n"), [("triangle", 8), ("quad", 8), ("tetra", 4), ("hexahedron", 5)])
-def test_random_tangles(kind, n, lengths):
-    for seed in range(50):
+def test_random_tangles(kind, n, lengths, trials):
+    for seed in range(trials):
         mesh = tangled(kind, n, lengths, seed)
         domain = domain_of(mesh)
         assert domain.mirrored == 0
