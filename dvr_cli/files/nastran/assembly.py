@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +15,17 @@ from dvr_cli.files.source import InputFile
 _INCLUDE = re.compile(
     rb"^[ \t]*include\b[ \t]*=?[ \t]*(?:'([^']*)'|\"([^\"]*)\"|([^\s'\"$]+))", re.IGNORECASE | re.MULTILINE
 )
-_ENDDATA = re.compile(rb"^[ \t]*enddata\b", re.IGNORECASE | re.MULTILINE)
 _DEEPEST = 16  # files that include one another
+
+
+def statements(lower: bytes, word: bytes, begin: int = 0) -> Iterator[int]:
+    """Where ``word`` begins a line, blanks aside, in a text in lower case; quicker than a pattern."""
+    at = lower.find(word, begin)
+    while at >= 0:
+        line = lower.rfind(b"\n", 0, at) + 1
+        if not lower[line:at].strip(b" \t") and not lower[at + len(word) : at + len(word) + 1].isalnum():
+            yield at
+        at = lower.find(word, at + len(word))
 
 
 class Part(NamedTuple):
@@ -64,9 +74,10 @@ class Assembly:
         number = len(self.parts)
         self.parts.append(part)
         text = part.data if b"\n" in part.data else part.data.replace(b"\r", b"\n")
-        end = _ENDDATA.search(text)
+        lower = text.lower()
+        end = next(statements(lower, b"enddata"), len(text))
         done = 0
-        for match in _INCLUDE.finditer(text, 0, end.start() if end else len(text)):
+        for match in _INCLUDE.finditer(text, 0, end) if b"include" in lower else ():
             self._append(number, done, text[done : match.start()] + re.sub(rb"[^\r\n]", b" ", match[0]))
             done = match.end()
             name = _name(match[1] or match[2] or match[3] or b"")

@@ -87,9 +87,10 @@ class Deck:
         wanted = [i for i, name in enumerate(self.names) if name in names]
         return np.flatnonzero(np.isin(self.name, wanted))
 
-    def fields(self, cards: np.ndarray, first: int, last: int) -> Fields:
+    def fields(self, cards: np.ndarray, first: int, last: int, stripped: bool = True) -> Fields:
         """Where the fields from number ``first`` up to ``last`` are, without it; 0 is behind the name.
 
+        stripped: False: blanks around the text in a field count as text, which is quicker to find.
         Raises InputError for lines of too many fields and for lines that do not follow the one they continue.
         """
         n, m = len(cards), last - first
@@ -117,7 +118,7 @@ class Deck:
             ahead[rows] += room
         there = (line >= 0) & (begin <= limit)
         limit = np.maximum(begin, limit)
-        start, stop = self._stripped(begin, limit)
+        start, stop = self._stripped(begin, limit) if stripped else (begin, limit)
         return Fields(start, stop, begin, limit, line, there, width, free)
 
     def integers(self, fields: Fields) -> np.ndarray:
@@ -143,6 +144,11 @@ class Deck:
         fields = self.fields(np.array([card]), 0, count)
         pairs = zip(fields.starts[0].tolist(), fields.stops[0].tolist(), strict=True)
         return [self.text[a:b].tobytes().decode("latin-1") for a, b in pairs]
+
+    def has_commas(self, cards: np.ndarray) -> bool:
+        """Whether a line that any of the cards begins or ends with has commas."""
+        first = self.first[cards]
+        return bool((self._free[first] | self._free[first + self.count[cards] - 1]).any())
 
     def commas(self, line: int) -> int:
         """How many commas a line has."""
@@ -305,10 +311,12 @@ class Deck:
                 numbers[span] = self._parsed(starts[span], stops[span], dtype, allowed)
             except ValueError:
                 for i in range(begin, min(begin + _CHUNK, len(starts))):
-                    word = self.text[starts[i] : stops[i]].tobytes()
+                    word = self.text[starts[i] : stops[i]].tobytes().strip()
                     if word and (not pattern.fullmatch(word) or len(word) > _LONGEST):
                         self.refuse(int(fields.line.ravel()[i]), f"{shown(word)} is not {what}")
-                raise
+                self.refuse(
+                    int(fields.line.ravel()[begin]), "its fields, or those of a card below, are too long"
+                )
         return numbers.reshape(shape)
 
     def _parsed(self, starts: np.ndarray, stops: np.ndarray, dtype: type, allowed: np.ndarray) -> np.ndarray:
@@ -318,11 +326,12 @@ class Deck:
             raise ValueError("too long")
         place = starts[:, None] + np.arange(width)
         characters = np.where(place < stops[:, None], self.text.take(place, mode="clip"), ord(" "))
+        characters[is_blank(characters)] = ord(" ")
         if not allowed[characters].all():
             raise ValueError("a strange character")
         rows = np.full((len(starts), width + 2), ord(" "), dtype=np.uint8)
         rows[:, :width] = characters
-        rows[starts >= stops, 0] = ord("0")
+        rows[(characters == ord(" ")).all(axis=1), 0] = ord("0")
         if dtype is not np.int64:
             _mark_exponents(rows)
         return parse_numbers(rows.tobytes(), len(starts), dtype)

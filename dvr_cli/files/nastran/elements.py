@@ -179,7 +179,8 @@ def _by_length(deck: Deck, cards: np.ndarray, last: int | None) -> list[tuple[np
     for length in np.unique(lengths).tolist():
         rows = np.flatnonzero(lengths == length)
         most = 8 * length if last is None else min(last, 8 * length)
-        result.append((rows, deck.fields(cards[rows], 0, most)))
+        stripped = last is None or deck.has_commas(cards[rows])
+        result.append((rows, deck.fields(cards[rows], 0, most, stripped)))
     return result
 
 

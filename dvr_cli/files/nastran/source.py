@@ -11,7 +11,7 @@ import numpy as np
 
 from dvr_cli.errors import InputError, OutputError
 from dvr_cli.files.gmsh.tags import TagIndex, first_repeated
-from dvr_cli.files.nastran.assembly import Assembly
+from dvr_cli.files.nastran.assembly import Assembly, statements
 from dvr_cli.files.nastran.cards import LARGE, SMALL, Deck, Fields
 from dvr_cli.files.nastran.columns import field_text, value_of
 from dvr_cli.files.nastran.contents import beyond_mesh
@@ -20,9 +20,7 @@ from dvr_cli.files.numbers_in_text import write_texts
 from dvr_cli.files.source import InputFile, Source, differing
 from dvr_cli.mesh.mesh import Mesh
 
-_BEGIN = re.compile(rb"^[ \t]*begin\b[^\n\r$]*", re.IGNORECASE | re.MULTILINE)
-_CEND = re.compile(rb"^[ \t]*cend\b", re.IGNORECASE | re.MULTILINE)
-_ENDDATA = re.compile(rb"^[ \t]*enddata\b", re.IGNORECASE | re.MULTILINE)
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _SYSTEMS = {b"R": "rectangular", b"C": "cylindrical", b"S": "spherical"}
 _FREE_DIGITS = 24  # as many characters as any number needs
 
@@ -258,15 +256,17 @@ def read(file: InputFile) -> NastranSource:
 
 def _bulk(data: bytes) -> tuple[int, int]:
     """Where the bulk data begin and end: all of a file without sections."""
-    sections = list(_BEGIN.finditer(data))
+    lower = data.lower()
+    sections = list(statements(lower, b"begin"))
     if len(sections) > 1:
         raise InputError("several bulk data sections (superelements or auxiliary models) are not supported")
-    if not sections and _CEND.search(data):
+    if not sections and any(True for _ in statements(lower, b"cend")):
         raise InputError("it has case control, but no BEGIN BULK: truncated or damaged")
-    begin = sections[0].end() if sections else 3 if data.startswith(b"\xef\xbb\xbf") else 0
-    begin = data.find(b"\n", begin) + 1 or len(data) if sections else begin
-    end = _ENDDATA.search(data, begin)
-    return begin, end.start() if end else len(data)
+    if sections:
+        begin = data.find(b"\n", sections[0]) + 1 or len(data)
+    else:
+        begin = len(_BYTE_ORDER_MARK) if data.startswith(_BYTE_ORDER_MARK) else 0
+    return begin, next(statements(lower, b"enddata", begin), len(data))
 
 
 def _check_systems(deck: Deck, cards: np.ndarray, numbers: np.ndarray) -> None:
