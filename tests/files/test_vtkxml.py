@@ -200,6 +200,13 @@ def test_pieces_are_one_mesh_and_no_regions():
     assert mesh.cell_data == {}
 
 
+def test_points_that_pieces_share_are_linked():
+    right = b"1 0 0 2 0 0 2 1 0 1 1 0"
+    mesh = read(TWO % (PIECE % (SQUARE, b"") + PIECE % (right, b""))).mesh
+    assert mesh.periodic.tolist() == [[4, 1], [7, 2]]
+    assert mesh.unlinked.tolist() == [True, False, False, True, False, True, True, False]
+
+
 def of_cells(kind: bytes, name: bytes, values: bytes) -> bytes:
     return b'<CellData><DataArray type="%s" Name="%s" format="ascii">%s</DataArray></CellData>' % (
         *(kind, name, values),

@@ -171,7 +171,7 @@ def read_file(data: bytes, kind: Kind) -> VtkXmlSource:
     """Read a VTK XML file of this kind.
 
     Its pieces make one mesh, their points and cells one after the other: a point that two pieces share is
-    there twice. Point and cell data are the arrays of numbers that all pieces have.
+    there twice, and these are linked, so that none of them moves by itself. Point and cell data are the arrays of numbers that all pieces have.
 
     Raises InputError for what cannot be read, and for ghost cells, which two pieces share.
     """
@@ -198,7 +198,8 @@ def read_file(data: bytes, kind: Kind) -> VtkXmlSource:
         first += n_points
     of_points = {name: np.concatenate([d[name] for d in point_data]) for name in _common(point_data)}
     of_cells = {name: [b for d in cell_data for b in d[name]] for name in _common(cell_data)}
-    mesh = Mesh(np.concatenate(points), blocks, of_cells, of_points)
+    links = _shared(np.concatenate(points), [len(part) for part in points])
+    mesh = Mesh(np.concatenate(points), blocks, of_cells, of_points, periodic=links)
     source = VtkXmlSource(kind, layout, mesh, numbers)
     source.unread = _unread(layout, set(of_points), set(of_cells))
     return source
@@ -284,6 +285,17 @@ def _data(layout: Layout, piece: Element, where: str, rows: int) -> dict[str, np
         values = layout.read(element, f"array {shown(name)}", rows * int(text)).values
         result[name] = values if text == "1" else values.reshape(rows, int(text))
     return result
+
+
+def _shared(points: np.ndarray, sizes: list[int]) -> np.ndarray:
+    """(K, 2) points of a piece that are at the place of one in a piece before it, and that one."""
+    if np.count_nonzero(sizes) < 2:
+        return np.empty((0, 2), dtype=np.int64)
+    piece = np.repeat(np.arange(len(sizes)), sizes)
+    _, first, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    partner = first[inverse.ravel()]
+    doubled = np.flatnonzero(piece != piece[partner])
+    return np.stack([doubled, partner[doubled]], axis=1)
 
 
 def _refuse_ghosts(arrays: dict[str, np.ndarray]) -> None:
