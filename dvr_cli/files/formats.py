@@ -167,7 +167,13 @@ REGISTRY = (
         several=True,
         converter=None,
     ),
-    Format("cgns", (".cgns",)),
+    Format(
+        "cgns",
+        (".cgns",),
+        re.compile(rb"\x89HDF.*CGNS|.{,16}ADF Database", re.DOTALL),
+        reader="cgns",
+        converter=None,
+    ),
     Format(
         "exodus",
         (".e", ".exo", ".ex2", ".exii", ".g", ".gen"),

@@ -77,7 +77,7 @@ def with_values(data: bytes, replaced: Mapping[str, np.ndarray]) -> bytes:
 
 
 def attribute(item: h5py.HLObject, name: str) -> Any:
-    """An attribute, None if there is none of this name.
+    """An attribute of a group or dataset, None if there is none of this name.
 
     h5py takes what is damaged for what is not there, but for its lists of names.
     """

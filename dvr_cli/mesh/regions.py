@@ -16,6 +16,7 @@ REGION_NAMES = frozenset(
         "exodusblock",
         "medfamily",
         "cgnszone",
+        "cgnsfamily",
         "gmshphysical",
         "gmshgeometrical",
         "meditref",

@@ -62,7 +62,8 @@ def files(tmp_path_factory) -> dict[str, bytes]:
 
 
 def test_unmoved_is_identical_and_moved_differs_in_coordinates_only(files, tmp_path):
-    for data in files.values():
+    for kind in ("tetra", "hexahedron27", "wedge15", "pyramid13"):
+        data = files[kind]
         source = read(data)
         assert written(source, source.mesh.points.copy()) == data
         points = source.mesh.points.copy()
