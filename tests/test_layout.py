@@ -25,6 +25,7 @@ LAYERS = [
     "mesh",
     "jit",
     "backend",
+    "options",
     "errors",
 ]
 PACKAGE = "dvr_cli"  # the package itself: holds the version, and loads api on first use

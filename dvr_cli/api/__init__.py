@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dvr_cli.api.options import Directions, Names, SmoothOptions, Vertices
+from dvr_cli.api.options import SmoothOptions, check_known
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.convert import as_mesh, from_meshio
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.options import check_names
 from dvr_cli.quality.measure import measure
-from dvr_cli.relax.stopping import Stopping
 from dvr_cli.report.compare import Comparison, compare_qualities
 from dvr_cli.report.records import QualityReport, SmoothReport, summarise
 
@@ -26,39 +26,13 @@ if TYPE_CHECKING:
 def smooth(
     mesh: meshio.Mesh | np.ndarray,
     cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None = None,
-    *,
-    directions: Directions = "steepest,random",
-    center: Sequence[float] | None = None,
-    axis: Sequence[float] | None = None,
-    max_iterations: int = 100,
-    tol: float = 1e-3,
-    patience: int = 3,
-    target: float | None = None,
-    time_limit: float | None = None,
-    order: str = "coloured",
-    seed: int = 0,
-    boundary: str = "fixed",
-    fix: Names = (),
-    only: Names = (),
-    below: float | None = None,
-    layers: int = 0,
-    vertices: Vertices | None = None,
-    feature_angle: float = 30.0,
-    max_deviation: float | None = None,
-    straighten: bool = False,
-    untangle: bool = False,
-    patches: bool | None = None,
-    polish: bool | None = None,
-    floor: float = 0.999,
-    preset: str | None = None,
-    engine: str = "auto",
-    threads: int | None = None,
+    **options: Any,
 ) -> tuple[Any, SmoothReport]:
     """Improve a mesh by directional vertex relaxation (the paper's Algorithm 1).
 
     mesh: a ``meshio.Mesh``, or points (N, 2) or (N, 3) with ``cells`` as {type: (n, k) int} or pairs of these
         (types and node order as in meshio). The input is not altered.
-    The options are those of ``dvr smooth``; see SmoothOptions, Selection and Stopping.
+    options: by name those of ``dvr smooth --help``; see SmoothOptions, Selection and Stopping.
 
     Returns (mesh, report): a new ``meshio.Mesh`` with the same cells and data, or the new points (N, 2|3),
     and a report with the same figures as the command's. Q1 never decreases.
@@ -71,47 +45,20 @@ def smooth(
     >>> moved[4].round(3).tolist()
     [0.5, 0.5]
     """
-    options = SmoothOptions(
-        directions=directions,
-        center=center,
-        axis=axis,
-        order=order,
-        seed=seed,
-        boundary=boundary,
-        fix=fix,
-        only=only,
-        below=below,
-        layers=layers,
-        vertices=vertices,
-        feature_angle=feature_angle,
-        max_deviation=max_deviation,
-        straighten=straighten,
-        untangle=untangle,
-        patches=patches,
-        polish=polish,
-        floor=floor,
-        preset=preset,
-        engine=engine,
-        threads=threads,
-        stopping=Stopping(max_iterations, tol, patience, target, time_limit),
-    )
-    return _smoothed(mesh, cells, options)
+    check_known(options)
+    return _smoothed(mesh, cells, SmoothOptions.of(options))
 
 
 def untangle(
     mesh: meshio.Mesh | np.ndarray,
     cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None = None,
-    *,
-    boundary: str = "fixed",
-    fix: Names = (),
-    straighten: bool = False,
-    time_limit: float | None = None,
+    **options: Any,
 ) -> tuple[Any, SmoothReport]:
     """Make inverted and degenerate elements positive where the held vertices allow it, and no more.
 
     mesh, cells, and what is returned and raised: as for ``smooth``, whose ``untangle`` does the same before
     relaxing. Only vertices near inverted elements move; the result never has more inverted elements than the
-    input, and a mesh without any comes back as it is. boundary, fix: see SmoothOptions. time_limit: seconds.
+    input, and a mesh without any comes back as it is. options: boundary, fix, straighten, time_limit.
 
     >>> import numpy as np, dvr_cli
     >>> points = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [1.5, 0.9]])
@@ -120,11 +67,8 @@ def untangle(
     >>> report.before.inverted, report.after.inverted
     (1, 0)
     """
-    stopping = Stopping(max_iterations=0, time_limit=time_limit)
-    options = SmoothOptions(
-        boundary=boundary, fix=fix, straighten=straighten, untangle=True, stopping=stopping
-    )
-    return _smoothed(mesh, cells, options)
+    check_names(options, ("boundary", "fix", "straighten", "time_limit"))
+    return _smoothed(mesh, cells, SmoothOptions.of(options, untangle=True, max_iterations=0))
 
 
 def _smoothed(

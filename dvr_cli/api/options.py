@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,19 +13,17 @@ import numpy as np
 from dvr_cli.api.selection import Selection
 from dvr_cli.errors import UsageError
 from dvr_cli.files.arrays import read_directions, read_vertices, whole_numbers
+from dvr_cli.options import OPTIONS, check_fields, check_names, default
 from dvr_cli.relax.directions import Entry, check_name
 from dvr_cli.relax.engines.choice import checked_threads, chosen_engine, has_numba
-from dvr_cli.relax.schedule import ORDERS
 from dvr_cli.relax.stopping import Stopping
 
-BOUNDARIES = ("fixed", "slide", "project")  # each frees the vertices of those before it, and more
+BOUNDARIES = OPTIONS["boundary"].values.names  # each frees the vertices of those before it, and more
 
 # What a preset fixes; "paper" is the paper's Algorithm 1, which makes a given number of sweeps.
 PRESETS: dict[str, dict[str, Any]] = {
     "paper": {"directions": "random", "order": "natural", "patches": False, "polish": False, "tol": 0.0},
 }
-
-_DIRECTIONS = "steepest,random"
 
 Directions = str | np.ndarray | Sequence[str | np.ndarray]
 Names = str | Sequence[str]
@@ -57,45 +55,47 @@ class SmoothOptions:
     engine: "auto", "numpy" or "numba"; threads: by default all cores. Neither changes the result.
     """
 
-    directions: Directions = _DIRECTIONS
+    directions: Directions = default("directions")
     center: Sequence[float] | None = None
     axis: Sequence[float] | None = None
-    order: str = "coloured"
-    seed: int = 0
-    boundary: str = "fixed"
-    feature_angle: float = 30.0
+    order: str = default("order")
+    seed: int = default("seed")
+    boundary: str = default("boundary")
+    feature_angle: float = default("feature_angle")
     max_deviation: float | None = None
     fix: Names = ()
     only: Names = ()
     below: float | None = None
-    layers: int = 0
+    layers: int = default("layers")
     vertices: Vertices | None = None
-    straighten: bool = False
-    untangle: bool = False
+    straighten: bool = default("straighten")
+    untangle: bool = default("untangle")
     patches: bool | None = None
     polish: bool | None = None
-    floor: float = 0.999
+    floor: float = default("floor")
     preset: str | None = None
-    engine: str = "auto"
+    engine: str = default("engine")
     threads: int | None = None
     stopping: Stopping = field(default_factory=Stopping)
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any], **fixed: Any) -> SmoothOptions:
+        """The options ``given`` by name, those of stopping among them, and those that are ``fixed``.
+
+        Options of commands that are not about smoothing are passed over. Raises UsageError for wrong values.
+        """
+        values = {name: value for name, value in {**given, **fixed}.items() if value is not None}
+        stopping, own = _names_of(Stopping), _names_of(cls)
+        return cls(
+            **{name: value for name, value in values.items() if name in own},
+            stopping=Stopping(**{name: value for name, value in values.items() if name in stopping}),
+        )
 
     def __post_init__(self) -> None:
         """Check what can be checked without a mesh; raises UsageError, InputError for an unreadable array."""
         if self.preset is not None:
             self._take_preset(self.preset)
-        if self.order not in ORDERS:
-            raise UsageError(f"order: unknown {self.order!r}; known: {', '.join(ORDERS)}")
-        if self.boundary not in BOUNDARIES:
-            raise UsageError(f"boundary: unknown {self.boundary!r}; known: {', '.join(BOUNDARIES)}")
-        if not 0 <= self.feature_angle <= 180:
-            raise UsageError("feature-angle: must be between 0 and 180 degrees")
-        if self.max_deviation is not None and not 0 <= self.max_deviation < np.inf:
-            raise UsageError("max-deviation: must be a length that is not negative")
-        if not 0 <= self.seed < 2**64:
-            raise UsageError("seed: must be between 0 and 2^64 - 1")
-        if not 0 <= self.floor <= 1:
-            raise UsageError("floor: must be a fraction of Q1, from 0 to 1")
+        check_fields(self)
         chosen_engine(self.engine, 0, 0)
         checked_threads(self.threads)
         for entry in self.entries:
@@ -105,8 +105,7 @@ class SmoothOptions:
 
     def _take_preset(self, name: str) -> None:
         """Set what the preset fixes; UsageError where something else was asked for."""
-        if name not in PRESETS:
-            raise UsageError(f"preset: unknown {name!r}; known: {', '.join(PRESETS)}")
+        OPTIONS["preset"].check(name)
         for key, value in PRESETS[name].items():
             owner: SmoothOptions | Stopping = self.stopping if key == "tol" else self
             given = getattr(owner, key)
@@ -130,7 +129,7 @@ class SmoothOptions:
     @property
     def _is_free(self) -> bool:
         """Whether nobody prescribed along what vertices move."""
-        return isinstance(self.directions, str) and self.directions == _DIRECTIONS
+        return isinstance(self.directions, str) and self.directions == default("directions")
 
     @cached_property
     def entries(self) -> list[Entry]:
@@ -162,32 +161,29 @@ class SmoothOptions:
 
     def record(self) -> dict[str, Any]:
         """The options as JSON-ready data."""
-        return {
+        special = {
             "directions": ",".join(d if isinstance(d, str) else f"array{d.shape}" for d in self._given()),
-            "center": None if self.center is None else [float(c) for c in self.center],
-            "axis": None if self.axis is None else [float(a) for a in self.axis],
-            "order": self.order,
-            "seed": int(self.seed),
-            "boundary": self.boundary,
-            "feature_angle": float(self.feature_angle),
-            "max_deviation": None if self.max_deviation is None else float(self.max_deviation),
-            "fix": list(_names(self.fix)),
-            "only": list(_names(self.only)),
-            "below": None if self.below is None else float(self.below),
-            "layers": int(self.layers),
             "vertices": _described(self.vertices),
-            "straighten": bool(self.straighten),
-            "untangle": bool(self.untangle),
             "patches": self.takes_patches,
             "polish": self.takes_polish,
-            "floor": float(self.floor),
-            "preset": self.preset,
-            "max_iterations": int(self.stopping.max_iterations),
-            "tol": float(self.stopping.tol),
-            "patience": int(self.stopping.patience),
-            "target": None if self.stopping.target is None else float(self.stopping.target),
-            "time_limit": None if self.stopping.time_limit is None else float(self.stopping.time_limit),
         }
+        return {
+            name: special[name] if name in special else option.record(self._value(name))
+            for name, option in OPTIONS.items()
+            if option.recorded
+        }
+
+    def _value(self, name: str) -> Any:
+        return getattr(self if hasattr(self, name) else self.stopping, name)
+
+
+def check_known(given: Iterable[str]) -> None:
+    """Raise UsageError, which tells the nearest name, unless all ``given`` names are options of smoothing."""
+    check_names(given, [*_names_of(SmoothOptions), *_names_of(Stopping)])
+
+
+def _names_of(options: type) -> list[str]:
+    return [each.name for each in fields(options) if each.name != "stopping"]
 
 
 def _names(given: Names) -> tuple[str, ...]:

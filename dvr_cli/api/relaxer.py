@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dvr_cli.api.options import Directions, SmoothOptions
+from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.smoothing import worse
 from dvr_cli.boundary.freedom import interior_freedom
 from dvr_cli.errors import InputError, UsageError
@@ -20,16 +20,24 @@ from dvr_cli.mesh.convert import as_mesh
 from dvr_cli.mesh.domain import check_coordinates, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.neighbours import within_rings
+from dvr_cli.options import check_names, default
 from dvr_cli.quality.measure import measure
 from dvr_cli.relax.directions import direction_field, restricted
 from dvr_cli.relax.engines.choice import chosen_engine
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import build_problem
-from dvr_cli.relax.stopping import Stopping, StopReason
+from dvr_cli.relax.stopping import StopReason
 from dvr_cli.relax.sweeps import Sweep, relax
 
 if TYPE_CHECKING:
     import meshio
+
+
+# The options of smoothing that a step of a Relaxer has, too.
+_OPTIONS = (
+    *("directions", "center", "axis", "max_iterations", "tol", "patience", "target", "time_limit"),
+    *("order", "seed", "straighten", "engine", "threads"),
+)
 
 
 @dataclass(frozen=True)
@@ -69,22 +77,11 @@ class Relaxer:
         self,
         mesh: meshio.Mesh | np.ndarray,
         cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None = None,
-        *,
-        directions: Directions = "random",
-        center: Sequence[float] | None = None,
-        axis: Sequence[float] | None = None,
-        max_iterations: int = 100,
-        tol: float = 1e-3,
-        patience: int = 3,
-        target: float | None = None,
-        time_limit: float | None = None,
-        order: str = "coloured",
-        seed: int = 0,
-        straighten: bool = False,
-        engine: str = "auto",
-        threads: int | None = None,
+        **options: Any,
     ) -> None:
-        """Set up a mesh given as to ``dvr_cli.smooth``, with the same options and errors.
+        """Set up a mesh given as to ``dvr_cli.smooth``, with the same errors.
+
+        options: those of ``smooth`` about directions, stopping, order, engine, and ``straighten``.
 
         A step is a phase of sweeps alone, along random directions by default: patches and polishing, which
         take longer than a step should, are left to ``smooth``.
@@ -95,20 +92,9 @@ class Relaxer:
         optimal it may then differ, as their choice among near equals depends on a numbering that the first
         mesh settles.
         """
-        options = SmoothOptions(
-            directions=directions,
-            center=center,
-            axis=axis,
-            order=order,
-            seed=seed,
-            straighten=straighten,
-            engine=engine,
-            threads=threads,
-            patches=False,
-            polish=False,
-            stopping=Stopping(max_iterations, tol, patience, target, time_limit),
-        )
-        self._prepare(as_mesh(mesh, cells), options)
+        check_names(options, _OPTIONS)
+        given = {"directions": default("directions", "morph"), **options}
+        self._prepare(as_mesh(mesh, cells), SmoothOptions.of(given, patches=False, polish=False))
 
     @classmethod
     def of(cls, mesh: Mesh, options: SmoothOptions) -> Relaxer:

@@ -14,6 +14,7 @@ from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.groups import group_vertices
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.neighbours import within_rings
+from dvr_cli.options import check_fields
 from dvr_cli.quality.mean_ratio import element_qualities
 
 
@@ -36,10 +37,7 @@ class Selection:
 
     def __post_init__(self) -> None:
         """Check what can be checked without a mesh."""
-        if self.below is not None and not -1 <= self.below <= 1:
-            raise UsageError("below: must be a quality, from -1 to 1")
-        if self.layers < 0:
-            raise UsageError("layers: must not be negative")
+        check_fields(self)
         if self.layers and self.below is None:
             raise UsageError("layers: counts rings around the elements that below chooses; give that, too")
 

@@ -1,77 +1,22 @@
-"""``dvr morph``: a mesh whose boundary is displaced, and which is relaxed to follow."""
+"""``dvr morph``: what the command takes and says; ``run`` does the work."""
 
 from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from dvr_cli.cli.options import (
-    Axis,
-    Center,
-    Debug,
-    Directions,
-    EngineName,
-    FailBelow,
-    InputFormat,
-    MaxIterations,
-    NoReport,
-    Order,
-    OutputFormat,
-    Patience,
-    Plot,
-    QualityField,
-    Quiet,
-    Report,
-    Seed,
-    Straighten,
-    Target,
-    Threads,
-    Tol,
-    Verbose,
-)
+from dvr_cli.cli.options import takes_options
 from dvr_cli.cli.run import run
 
 
+@takes_options("morph")
 def morph(
     source: Annotated[Path, typer.Argument(metavar="IN", help="The mesh to deform; - for stdin.")],
     output: Annotated[Path, typer.Argument(metavar="OUT", help="The file to write; - for stdout.")],
-    displacement: Annotated[
-        Path,
-        typer.Option(
-            metavar="FILE",
-            help="By how much vertices move: .npy, .csv or .txt with one row for each vertex of IN. Rows of "
-            "vertices that are relaxed are not looked at.",
-        ),
-    ],
-    near: Annotated[
-        int | None,
-        typer.Option(min=0, metavar="K", help="Relax only vertices within K rings of displaced ones."),
-    ] = None,
-    directions: Directions = "random",
-    center: Center = None,
-    axis: Axis = None,
-    max_iterations: MaxIterations = 100,
-    tol: Tol = 1e-3,
-    patience: Patience = 3,
-    target: Target = None,
-    order: Order = "coloured",
-    seed: Seed = 0,
-    engine: EngineName = "auto",
-    threads: Threads = None,
-    report: Report = None,
-    plot: Plot = None,
-    quality_field: QualityField = False,
-    no_report: NoReport = False,
-    straighten: Straighten = False,
-    input_format: InputFormat = None,
-    output_format: OutputFormat = None,
-    fail_below: FailBelow = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
+    **given: Any,
 ) -> int:
     """Displace the boundary of a mesh and relax its interior vertices, so that it stays valid.
 
@@ -83,33 +28,8 @@ def morph(
     from dvr_cli.api.morphing import morph_mesh
     from dvr_cli.api.options import SmoothOptions
     from dvr_cli.files.arrays import read_displacement
-    from dvr_cli.relax.stopping import Stopping
 
-    options = SmoothOptions(
-        directions=directions,
-        center=center,
-        axis=axis,
-        order=order,
-        seed=seed,
-        straighten=straighten,
-        engine=engine,
-        threads=threads,
-        patches=False,
-        polish=False,
-        stopping=Stopping(max_iterations, tol, patience, target),
-    )
-    shift = read_displacement(displacement)
-    return run(
-        source,
-        output,
-        partial(morph_mesh, displacement=shift, options=options, near=near),
-        report=report,
-        no_report=no_report,
-        plot=plot,
-        quality_field=quality_field,
-        input_format=input_format,
-        output_format=output_format,
-        fail_below=fail_below,
-        quiet=quiet,
-        verbose=verbose,
-    )
+    options = SmoothOptions.of(given, patches=False, polish=False)
+    shift = read_displacement(given["displacement"])
+    work = partial(morph_mesh, displacement=shift, options=options, near=given["near"])
+    return run(source, output, work, given)

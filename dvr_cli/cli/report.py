@@ -4,33 +4,21 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from dvr_cli.cli.codes import DONE, GATE_FAILED
 from dvr_cli.cli.files import PICTURES, check, write_picture
-from dvr_cli.cli.options import Debug, FailBelow, InputFormat, Json, Plot, naming
+from dvr_cli.cli.options import naming, takes_options
 from dvr_cli.cli.streams import bar, columns, emit, say
 from dvr_cli.errors import UsageError
 
 
+@takes_options("quality")
 def quality(
     path: Annotated[Path, typer.Argument(metavar="MESH", help="The mesh to measure.")],
-    json: Json = False,
-    csv: Annotated[
-        bool,
-        typer.Option(
-            "--csv",
-            help="Print the quality vector as CSV: rank, vertex, quality, for each relaxed vertex the worst "
-            "quality around it, ascending. Vertices are numbered from 0.",
-        ),
-    ] = False,
-    plot: Plot = None,
-    worst: Annotated[int, typer.Option(min=0, metavar="N", help="List the N worst elements.")] = 10,
-    fail_below: FailBelow = None,
-    input_format: InputFormat = None,
-    debug: Debug = False,
+    **given: Any,
 ) -> int:
     """Print the quality of a mesh: Q1, quantiles, angles, a histogram, the worst elements.
 
@@ -43,13 +31,14 @@ def quality(
     from dvr_cli.report.table import quality_table
     from dvr_cli.report.text import gate_failure, quality_text
 
+    json, csv, plot, fail_below = given["json"], given["csv"], given["plot"], given["fail_below"]
     if json and csv:
         raise UsageError("--json and --csv exclude each other")
     if plot is not None:
         check("--plot", plot, PICTURES, [path])
-    mesh = open_mesh(path, input_format).mesh
+    mesh = open_mesh(path, given["input_format"]).mesh
     with naming(path):
-        report = mesh_quality(mesh, worst)
+        report = mesh_quality(mesh, given["worst"])
     if plot is not None:
         text = quality_text(report, str(path), "█")
         write_picture(plot, mesh, {path.name: (mesh.points, report.quality)}, str(path), text)
@@ -67,13 +56,11 @@ def quality(
     return DONE
 
 
+@takes_options("compare")
 def compare(
     before: Annotated[Path, typer.Argument(metavar="BEFORE", help="The first mesh.")],
     after: Annotated[list[Path], typer.Argument(metavar="AFTER...", help="More meshes of the same cells.")],
-    json: Json = False,
-    plot: Plot = None,
-    input_format: InputFormat = None,
-    debug: Debug = False,
+    **given: Any,
 ) -> int:
     """Rank meshes by their quality vectors; exit with code 1 if the last is worse than the first.
 
@@ -88,10 +75,10 @@ def compare(
     from dvr_cli.report.table import comparison_table
     from dvr_cli.report.text import comparison_text
 
-    paths = [before, *after]
+    paths, plot = [before, *after], given["plot"]
     if plot is not None:
         check("--plot", plot, PICTURES, paths)
-    meshes = [open_mesh(path, input_format).mesh for path in paths]
+    meshes = [open_mesh(path, given["input_format"]).mesh for path in paths]
     reports = []
     for path, mesh in zip(paths, meshes, strict=True):
         with naming(path):
@@ -105,7 +92,7 @@ def compare(
             for name, mesh, report in zip(_short(paths), meshes, reports, strict=True)
         }
         write_picture(plot, meshes[0], states, "Comparison", comparison_text(comparison, names))
-    if json:
+    if given["json"]:
         emit(as_json(comparison.record(names)))
     elif width := columns(sys.stdout):
         emit(comparison_text(comparison, names, width))

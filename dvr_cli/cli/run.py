@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dvr_cli.cli.codes import DONE, GATE_FAILED, INTERRUPTED
 from dvr_cli.cli.files import PICTURES, check, write_picture
@@ -33,20 +33,12 @@ def run(
     source: Path,
     output: Path,
     work: Callable[..., tuple[np.ndarray, SmoothReport]],
-    *,
-    report: Path | None,
-    no_report: bool,
-    plot: Path | None,
-    quality_field: bool,
-    input_format: str | None,
-    output_format: str | None,
-    fail_below: float | None,
-    quiet: bool,
-    verbose: bool = False,
+    given: Mapping[str, Any],
 ) -> int:
     """Run a command that moves the vertices of a mesh and return its exit code; see ``dvr smooth --help``.
 
-    work: ``smooth_mesh`` or the like; gets the mesh, and storage, on_sweep and interrupted by name.
+    work: ``smooth_mesh`` or the like; gets the mesh, and storage, on_sweep and interrupted by name. given:
+    the options of the command.
     """
     from dvr_cli.files import writing
     from dvr_cli.files.reading import open_mesh
@@ -55,6 +47,13 @@ def run(
     from dvr_cli.report.export import as_csv, as_json
     from dvr_cli.report.text import gate_failure, smooth_text
 
+    report, plot, fail_below = given["report"], given["plot"], given["fail_below"]
+    no_report, quality_field, output_format = (
+        given["no_report"],
+        given["quality_field"],
+        given["output_format"],
+    )
+    quiet, verbose = given["quiet"], given.get("verbose", False)
     if quiet and verbose:
         raise UsageError("--quiet and --verbose exclude each other")
     if report is not None and no_report:
@@ -71,7 +70,7 @@ def run(
 
     with Progress(quiet, verbose) as progress:
         progress.show(f"reading {source}")
-        opened = open_mesh(source, input_format)
+        opened = open_mesh(source, given["input_format"])
         destination = writing.Output(opened, output, output_format, "quality" if quality_field else None)
         progress.show("preparing")
         with Interrupt() as interrupt:

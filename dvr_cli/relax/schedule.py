@@ -14,8 +14,9 @@ from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.csr import group, row_entries
 from dvr_cli.mesh.hashing import mixed
 from dvr_cli.mesh.rings import Incidence
+from dvr_cli.options import OPTIONS
 
-ORDERS = ("coloured", "natural", "shuffled")
+ORDERS = OPTIONS["order"].values.names
 
 _COLOURS_AT_ONCE = 62  # colours looked at together, as the bits of a positive int64
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import pairwise
 
-from dvr_cli.errors import UsageError
+from dvr_cli.options import check_fields, default
 
 
 class StopReason(StrEnum):
@@ -50,24 +49,15 @@ class Stopping:
     Raises UsageError for values out of range.
     """
 
-    max_iterations: int = 100
-    tol: float = 1e-3
-    patience: int = 3
+    max_iterations: int = default("max_iterations")
+    tol: float = default("tol")
+    patience: int = default("patience")
     target: float | None = None
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if self.max_iterations < 0:
-            raise UsageError("max-iterations: must not be negative")
-        if not 0 <= self.tol < math.inf:
-            raise UsageError("tol: must be a number that is not negative")
-        if self.patience < 1:
-            raise UsageError("patience: must be at least 1")
-        if self.target is not None and not -1 <= self.target <= 1:
-            raise UsageError("target: must be a quality, from -1 to 1")
-        if self.time_limit is not None and not 0 <= self.time_limit < math.inf:
-            raise UsageError("time-limit: must be a number that is not negative")
+        check_fields(self)
 
     def less(self, seconds: float) -> Stopping:
         """The same criteria after so many seconds of the time limit have gone."""
