@@ -12,7 +12,7 @@ from dvr_cli.boundary.constraints import constraints_of, surface_constraints
 from dvr_cli.boundary.extent import extent
 from dvr_cli.boundary.features import features_of
 from dvr_cli.boundary.freedom import Freedom, interior_freedom
-from dvr_cli.boundary.smooth_parts import Curved, curved_of
+from dvr_cli.boundary.smooth_parts import SmoothParts, smooth_parts_of
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.directions import DirectionField, random_field
@@ -33,7 +33,7 @@ class Moves:
     """What each vertex may do: move within its freedom, or along a curved boundary."""
 
     freedom: Freedom
-    curved: Curved | None
+    curved: SmoothParts | None
 
     @property
     def relaxed(self) -> np.ndarray:
@@ -63,14 +63,14 @@ def moves_of(mesh: Mesh, domain: Domain, boundary: str, selected: np.ndarray, fe
             return Moves(flat, None)
         smooth = features_of(domain.points, domain.interior, constraints, angle)
     smooth = replace(smooth, freedom=smooth.freedom.only(selected))
-    curved = curved_of(domain.points, constraints, smooth, flat)
+    curved = smooth_parts_of(domain.points, constraints, smooth, flat)
     return Moves(curved.exact, curved if len(curved.projected) else None)
 
 
 def projected(
     run: Callable[[Projection], Relaxation],
     domain: Domain,
-    curved: Curved,
+    curved: SmoothParts,
     field: DirectionField,
     options: SmoothOptions,
 ) -> tuple[Relaxation, np.ndarray, BoundaryChange]:

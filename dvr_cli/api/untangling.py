@@ -10,7 +10,7 @@ from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.quality.measure import Quality
 from dvr_cli.relax.phases import Untangled
-from dvr_cli.relax.untangle.causes import left_over
+from dvr_cli.relax.untangle.causes import tangled_elements
 from dvr_cli.relax.untangle.phase import Untangling
 
 
@@ -21,7 +21,7 @@ def untangle_phase(untangling: Untangling, domain: Domain, freedom: Freedom, poi
         sweeps=0,
         stopped_because=untangling.stopped_because,
         rounds=[asdict(one) for one in untangling.rounds],
-        left=left_over(domain.flatten(points), domain, freedom),
+        left=tangled_elements(domain.flatten(points), domain, freedom),
     )
 
 

@@ -24,7 +24,7 @@ EXACT = 1e-9  # but not more than this times the size of a facet or an edge
 
 @dataclass(frozen=True)
 class Constraints:
-    """What has to keep its shape.
+    """The facets, lines and vertices that have to keep their shape and place.
 
     facets: (F, w) vertices in positive order, shorter rows end in -1: edges of a planar mesh, faces of a
         volume mesh; seen from outside on the boundary, from the higher region on an interface.
@@ -70,8 +70,8 @@ def constraints_of(mesh: Mesh, domain: Domain) -> Constraints:
     last = np.maximum.reduceat(sides.order, sides.start[:-1])
     shared = sides.shared_by
     region = np.stack([domain.region[sides.owner[first]], domain.region[sides.owner[last]]], axis=1)
-    chosen = np.where(region[:, 1] < region[:, 0], last, first)
-    seen = sides.sides[chosen]
+    one = np.where(region[:, 1] < region[:, 0], last, first)
+    seen = sides.sides[one]
     region.sort(axis=1)
     kept = (shared != 2) | (region[:, 0] != region[:, 1])
 
@@ -81,7 +81,7 @@ def constraints_of(mesh: Mesh, domain: Domain) -> Constraints:
     _fix(fixed, lower[~found])
     kept[under[found]] = True
     order = np.flatnonzero(kept)
-    order = order[np.argsort(chosen[order])]
+    order = order[np.argsort(one[order])]
     place = np.empty(len(seen), dtype=np.int64)
     place[order] = np.arange(len(order))
     label = _labels(place[under[found]], tags[found], region[order])

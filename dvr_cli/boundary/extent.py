@@ -23,7 +23,7 @@ def extent(domain: Domain, points: np.ndarray) -> tuple[float | None, float]:
         return None, 0.5 * abs(float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()))
     faces = [outlines(block) for block in domain.cells] if domain.is_surface else [outer]
     triangles = np.concatenate([triangulated(face)[0] for face in faces])
-    a, b, c = (centred[corner] for corner in triangles.T)
+    a, b, c = (centred[vertex] for vertex in triangles.T)
     normal = np.cross(b - a, c - a)
     area = 0.5 * float(np.sqrt((normal * normal).sum(axis=1)).sum())
     volume = abs(float((a * normal).sum())) / 6.0

@@ -1,11 +1,11 @@
-"""Features: faces, ridges and corners among the facets that keep their shape, and what their vertices may do.
+"""Features: faces, ridges and tips among the facets that keep their shape, and the freedom of their vertices.
 
 A *ridge* is an edge where facets of one part end: where not exactly two meet, where they meet at an angle,
 where labels change, or where a line cell lies. In a planar mesh every facet is an edge and counts as a ridge.
 
 A *face vertex* has no ridge and facets in one plane: it may move in that plane. A *ridge vertex* has exactly
 two ridges of one label, one the continuation of the other, and facets that contain their line: it may move
-along that line. All other vertices of the facets are *corners* and stay.
+along that line. All other vertices of the facets are *tips* and stay.
 
 Facets count as in one plane when what is left of an angle between them can be rounding; then moving a vertex
 in its plane or line keeps the shape of everything exactly. Given a feature angle, they may differ by as much.
@@ -27,9 +27,9 @@ _FLAT = 1e-6  # radians; a ridge less sharp than this is none, but its vertices 
 
 @dataclass(frozen=True)
 class Features:
-    """What the vertices of the constraint facets may do, and why.
+    """The freedom of the vertices of the constraint facets, and its reasons.
 
-    freedom: of all vertices: corners and vertices without cells 0, ridge vertices 1, face vertices 2 (in a
+    freedom: of all vertices: tips and vertices without cells 0, ridge vertices 1, face vertices 2 (in a
         volume mesh), interior vertices anywhere. axis: tangents and mean normals.
     ridges: (R, 2) edges, each once. ridge_label: (R,) the label of the facet in a planar mesh, that of the
         line cell or -1 in a volume mesh.

@@ -26,9 +26,9 @@ class Freedom:
         """(m,) the vertices that may move, in index order: I_R."""
         return np.flatnonzero(self.dimension)
 
-    def only(self, chosen: np.ndarray) -> Freedom:
-        """The same, with all vertices but those marked in ``chosen`` ((N,) bool) kept in place."""
-        return Freedom(np.where(chosen, self.dimension, np.uint8(0)), self.axis)
+    def only(self, selected: np.ndarray) -> Freedom:
+        """The same, with all vertices but those marked in ``selected`` ((N,) bool) kept in place."""
+        return Freedom(np.where(selected, self.dimension, np.uint8(0)), self.axis)
 
     def project(self, vectors: np.ndarray, vertices: np.ndarray) -> np.ndarray:
         """The part of ``vectors`` (m, d), gradients or steps, that lies in the line or plane of each of

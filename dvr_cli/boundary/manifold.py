@@ -26,7 +26,7 @@ class Manifold:
     """
 
     def __init__(self, points: np.ndarray, simplices: np.ndarray, patch: np.ndarray) -> None:
-        self.corners = points[simplices]
+        self.places = points[simplices]
         self.patch = patch
         n_patches = int(patch.max(initial=0)) + 1
         # vertices are numbered anew within each patch
@@ -38,40 +38,40 @@ class Manifold:
     @cached_property
     def normals(self) -> np.ndarray:
         """(F, 3) unit normal of each triangle by the right-hand rule, zero where it has no area."""
-        a, b, c = self.corners.swapaxes(0, 1)
+        a, b, c = self.places.swapaxes(0, 1)
         return unit(np.cross(b - a, c - a))
 
-    def nearest(self, queries: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The point nearest to each of ``queries`` (n, d) around the simplices ``start`` (n,).
+    def nearest(self, queries: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The point nearest to each of ``queries`` (n, d) around the simplices ``near`` (n,).
 
         Returns the points (n, d), the simplices they lie on (n,), and their distances (n,).
         """
-        simplex = start.copy()
-        foot, square = _closest(self.corners[simplex], queries)
+        simplex = near.copy()
+        foot, square = _closest(self.places[simplex], queries)
         walking = np.arange(len(queries))
         while len(walking):
             at = simplex[walking]
-            supports = _supports(self.corners[at], foot[walking])
+            supports = _supports(self.places[at], foot[walking])
             on_side = ~supports.all(axis=1)  # inside a simplex the foot is nearer than what is around
             walking, at, supports = walking[on_side], at[on_side], supports[on_side]
-            rows, candidate, begin = self._beyond(at, supports)
-            near, squares = _closest(self.corners[candidate], queries[walking[rows]])
-            best = first_least(squares, begin)
+            rows, candidate, row_start = self._beyond(at, supports)
+            feet, squares = _closest(self.places[candidate], queries[walking[rows]])
+            best = first_least(squares, row_start)
             nearer = squares[best] < square[walking]
             walking, best = walking[nearer], best[nearer]
-            simplex[walking], foot[walking], square[walking] = candidate[best], near[best], squares[best]
+            simplex[walking], foot[walking], square[walking] = candidate[best], feet[best], squares[best]
         return foot, simplex, np.sqrt(square)
 
     def _beyond(self, simplex: np.ndarray, supports: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The simplices that share the corners marked in ``supports`` (n, k) with each of ``simplex`` (n,).
+        """The simplices that share the vertices marked in ``supports`` (n, k) with each of ``simplex`` (n,).
 
         Returns row and simplex of each (E,), row after row, and where rows begin (n + 1,).
         """
         vertices = self._vertices[simplex]
         first, last = supports.argmax(axis=1), supports.shape[1] - 1 - supports[:, ::-1].argmax(axis=1)
         everyone = np.arange(len(simplex))
-        entries, begin = row_entries(self._start, vertices[everyone, first])
-        candidate, row = self._around[entries], np.repeat(everyone, np.diff(begin))
+        entries, row_start = row_entries(self._start, vertices[everyone, first])
+        candidate, row = self._around[entries], np.repeat(everyone, np.diff(row_start))
         other = np.where(supports.any(axis=1), vertices[everyone, last], vertices[everyone, first])
         shares = (self._vertices[candidate] == other[row][:, None]).any(axis=1)
         row, candidate = row[shares], candidate[shares]
@@ -79,53 +79,53 @@ class Manifold:
 
 
 def closest_of(
-    corners: np.ndarray, begin: np.ndarray, queries: np.ndarray, near: np.ndarray, row: np.ndarray
+    places: np.ndarray, start: np.ndarray, queries: np.ndarray, near: np.ndarray, row: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Of E simplices in rows, that of its row which is nearest to each query (n, d): number, distance (n,).
 
-    corners: (E, k, d) of all; row i are begin[i] .. begin[i+1], and row: (E,) its inverse. near: (n,) a
+    places: (E, k, d) of all; row i are start[i] .. start[i+1], and row: (E,) its inverse. near: (n,) a
     simplex of the row in question, which is the answer if the query lies straight above it.
     """
     best = near.copy()
-    foot, square = _closest(corners[near], queries)
-    rest = np.flatnonzero(~_supports(corners[near], foot).all(axis=1))
+    foot, square = _closest(places[near], queries)
+    rest = np.flatnonzero(~_supports(places[near], foot).all(axis=1))
     if len(rest):
-        entries, first = row_entries(begin, row[near[rest]])
-        query = np.repeat(rest, np.diff(first))
-        squares = _closest(corners[entries], queries[query])[1]
-        least = first_least(squares, first)
+        entries, row_start = row_entries(start, row[near[rest]])
+        query = np.repeat(rest, np.diff(row_start))
+        squares = _closest(places[entries], queries[query])[1]
+        least = first_least(squares, row_start)
         best[rest], square[rest] = entries[least], squares[least]
     return best, np.sqrt(square)
 
 
-def first_least(values: np.ndarray, begin: np.ndarray) -> np.ndarray:
-    """(n,) position of the first least value in each row begin[i] .. begin[i+1]; no row may be empty."""
-    row = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
-    least = np.flatnonzero(values == np.minimum.reduceat(values, begin[:-1])[row])
+def first_least(values: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """(n,) position of the first least value in each row start[i] .. start[i+1]; no row may be empty."""
+    row = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    least = np.flatnonzero(values == np.minimum.reduceat(values, start[:-1])[row])
     _, first = np.unique(row[least], return_index=True)
     return least[first]
 
 
-def _closest(corners: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _closest(places: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The point of each simplex (n, k, d) nearest to its query (n, d), and the squared distance (n,)."""
-    if corners.shape[1] == 2:
-        foot = _closest_on_segments(corners, queries)
+    if places.shape[1] == 2:
+        foot = _closest_on_segments(places, queries)
     else:
-        foot = _closest_on_triangles(corners, queries)
+        foot = _closest_on_triangles(places, queries)
     way = queries - foot
     square = (way * way).sum(axis=1)
     return foot, np.where(np.isnan(square), np.inf, square)  # nothing is nearest on a degenerate triangle
 
 
-def _supports(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(n, k) bool: the corners of each simplex (n, k, d) that a point of it (n, d) is not opposite to.
+def _supports(places: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(n, k) bool: the vertices of each simplex (n, k, d) that a point of it (n, d) is not opposite to.
 
-    All of them inside, two on an edge of a triangle, one at a corner; none in a degenerate triangle.
+    All of them inside, two on an edge of a triangle, one at a vertex; none in a degenerate triangle.
     """
-    edges, way = corners[:, 1:] - corners[:, :1], points - corners[:, 0]
+    edges, way = places[:, 1:] - places[:, :1], points - places[:, 0]
     with np.errstate(all="ignore"):
         one = edges[:, 0]
-        if corners.shape[1] == 2:
+        if places.shape[1] == 2:
             t = (way * one).sum(axis=1) / (one * one).sum(axis=1)
             weights = np.stack([1.0 - t, t], axis=1)
         else:
@@ -137,21 +137,21 @@ def _supports(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     return weights > _ON_SIDE
 
 
-def _closest_on_segments(corners: np.ndarray, queries: np.ndarray) -> np.ndarray:
-    begin, end = corners[:, 0], corners[:, 1]
-    edge = end - begin
+def _closest_on_segments(places: np.ndarray, queries: np.ndarray) -> np.ndarray:
+    tail, head = places[:, 0], places[:, 1]
+    edge = head - tail
     square = (edge * edge).sum(axis=1)
-    along = ((queries - begin) * edge).sum(axis=1)
+    along = ((queries - tail) * edge).sum(axis=1)
     t = np.clip(np.divide(along, square, out=np.zeros_like(along), where=square > 0), 0.0, 1.0)[:, None]
-    return np.where(t < 1.0, begin + t * edge, end)
+    return np.where(t < 1.0, tail + t * edge, head)
 
 
-def _closest_on_triangles(corners: np.ndarray, queries: np.ndarray) -> np.ndarray:
+def _closest_on_triangles(places: np.ndarray, queries: np.ndarray) -> np.ndarray:
     from trimesh.triangles import closest_point
 
     # in units of the triangle, from its first vertex: the tolerances of trimesh are absolute
-    origin = corners[:, 0]
-    local = corners - origin[:, None]
+    origin = places[:, 0]
+    local = places - origin[:, None]
     size = np.abs(local).max(axis=(1, 2))
     size[size == 0.0] = 1.0
     local /= size[:, None, None]

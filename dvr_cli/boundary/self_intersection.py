@@ -25,12 +25,12 @@ def crossing_facets(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
     last = np.searchsorted(
         low[:, 0], high[:, 0], side="right"
     )  # sweep along x: boxes that begin before one ends
-    first, n = 0, len(facets)
-    while first < n:
-        ahead = np.cumsum(last[first:] - np.arange(first, n))
-        until = first + max(int(np.searchsorted(ahead, _PAIRS)), 1)
-        length = last[first:until] - np.arange(first, until)
-        a = np.repeat(np.arange(first, until), length)
+    start, n = 0, len(facets)
+    while start < n:
+        ahead = np.cumsum(last[start:] - np.arange(start, n))
+        until = start + max(int(np.searchsorted(ahead, _PAIRS)), 1)
+        length = last[start:until] - np.arange(start, until)
+        a = np.repeat(np.arange(start, until), length)
         b = a + np.arange(len(a)) - np.repeat(np.cumsum(length) - length, length)
         near = (a != b) & (low[a] <= high[b]).all(axis=1) & (low[b] <= high[a]).all(axis=1)
         a, b = a[near], b[near]
@@ -39,7 +39,7 @@ def crossing_facets(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
         x, y = points[facets[a]], points[facets[b]]
         both = _edges_cross(x, y) if points.shape[1] == 2 else _pierces(x, y) | _pierces(y, x)
         crosses[order[a[both]]] = crosses[order[b[both]]] = True
-        first = until
+        start = until
     return crosses
 
 

@@ -1,6 +1,6 @@
-"""Curved boundaries: the smooth surfaces and curves that boundary vertices move on when they are projected.
+"""Smooth parts of boundaries: the surfaces and curves that boundary vertices move on when they are projected.
 
-Constraint facets that no ridge parts form a *patch*, ridges that no corner parts a *curve*. Where all of a
+Constraint facets that no ridge parts form a *patch*, ridges that no tip parts a *curve*. Where all of a
 patch is plane, or all of a curve straight between plane patches, moving in that plane or line is exact and
 needs no projection; elsewhere vertices are brought back to their patch or curve as the input has it. The
 lips of a slit, coincident but not connected, would cut into each other along different chords of a curve:
@@ -22,8 +22,8 @@ from dvr_cli.mesh.orientation import connected_parts
 
 
 @dataclass(frozen=True)
-class Curved:
-    """What is projected, and what moves exactly.
+class SmoothParts:
+    """The vertices that are projected, and the freedom of those that move exactly.
 
     triangles: (T, 3) the constraint facets, quadrilaterals cut in two; none in a planar mesh. facet: (T,) the
         facet each is of. patch: (T,) the number of its patch.
@@ -47,8 +47,10 @@ class Curved:
         return np.sort(np.concatenate([self.on_patch, self.on_curve]))
 
 
-def curved_of(points: np.ndarray, constraints: Constraints, smooth: Features, flat: Freedom) -> Curved:
-    """Tell what is curved; points: (N, d).
+def smooth_parts_of(
+    points: np.ndarray, constraints: Constraints, smooth: Features, flat: Freedom
+) -> SmoothParts:
+    """The smooth parts of the boundary at ``points`` (N, d), and who moves on them.
 
     smooth: the features at the feature angle; flat: the freedom within exact planes and lines. What may move
     by neither stays.
@@ -73,7 +75,7 @@ def curved_of(points: np.ndarray, constraints: Constraints, smooth: Features, fl
     stays_exact &= (dimension != 1) | ~on_crooked
     projected = movable & ~stays_exact & ~_coincident(points, facets)
     kept = np.where(movable, stays_exact, exact > 0)
-    return Curved(
+    return SmoothParts(
         triangles=triangles,
         facet=facet,
         patch=patch,
@@ -122,13 +124,13 @@ def _plane(points: np.ndarray, triangles: np.ndarray, patch: np.ndarray, roundin
     n = int(patch.max(initial=-1)) + 1
     if not n:
         return np.empty(0, dtype=bool)
-    corners = points[triangles]
-    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    places = points[triangles]
+    area = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
     total, middle = np.zeros((n, 3)), np.zeros((n, 3))
     np.add.at(total, patch, area)
-    np.add.at(middle, patch, corners.mean(axis=1))
+    np.add.at(middle, patch, places.mean(axis=1))
     middle /= np.bincount(patch, minlength=n)[:, None]
-    height = np.abs(((corners - middle[patch][:, None]) * unit(total)[patch][:, None]).sum(axis=2))
+    height = np.abs(((places - middle[patch][:, None]) * unit(total)[patch][:, None]).sum(axis=2))
     plane = np.ones(n, dtype=bool)
     plane[patch[height.max(axis=1) > 4.0 * rounding]] = False
     return plane

@@ -22,9 +22,9 @@ _GRID = 5  # intervals an edge is cut into to measure the deviation
 
 @dataclass(frozen=True)
 class Probe:
-    """What moving some independent vertices would do; rows number these vertices.
+    """The consequences of moving some independent vertices; rows number these vertices.
 
-    apart: (n,) the largest distance found around each. facets: (E,) those around them, row after row as begin
+    apart: (n,) the largest distance found around each. facets: (E,) those around them, row after row as start
     (n + 1,) says, and foot: (E,) the input simplex nearest to the centre of each. watched: (W,) the places
     whose host changes, with their rows and new hosts.
     """
@@ -51,26 +51,26 @@ class Track:
         self.foot = np.arange(len(facets))
         position, self._start = group(facets.ravel(), len(points))
         self._around = position // facets.shape[1]
-        places, hosts = _middles(points, facets)
-        self._place = np.concatenate([points[moving], places])
+        middles, hosts = _middles(points, facets)
+        self._place = np.concatenate([points[moving], middles])
         self._host = np.concatenate([self._around[self._start[moving]], hosts])
         self._entry = np.full(len(facets), -1)  # scratch: where in a probe a facet is
 
     def star(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The facets around each of the vertices (n,), row after row, and where each row begins (n + 1,)."""
-        entries, begin = row_entries(self._start, vertices)
-        return self._around[entries], begin
+        entries, start = row_entries(self._start, vertices)
+        return self._around[entries], start
 
     def probe(self, points: np.ndarray, vertices: np.ndarray, targets: np.ndarray) -> Probe:
-        """What moving the independent ``vertices`` (n,) of the mesh at ``points`` to ``targets`` would do."""
-        facets, begin = self.star(vertices)
-        row = np.repeat(np.arange(len(vertices)), np.diff(begin))
+        """The consequences of moving the independent ``vertices`` (n,) from ``points`` to ``targets``."""
+        facets, start = self.star(vertices)
+        row = np.repeat(np.arange(len(vertices)), np.diff(start))
         members = self.facets[facets]
         own = members == vertices[row][:, None]
-        corners = np.where(own[:, :, None], targets[row][:, None], points[members])
-        _, foot, away = self.manifold.nearest(corners.mean(axis=1), self.foot[facets])
+        places = np.where(own[:, :, None], targets[row][:, None], points[members])
+        _, foot, away = self.manifold.nearest(places.mean(axis=1), self.foot[facets])
         if members.shape[1] == 3:
-            after = corners[np.arange(len(own)), (own.argmax(axis=1) + 1) % 3]
+            after = places[np.arange(len(own)), (own.argmax(axis=1) + 1) % 3]
             for t in _ALONG:
                 samples = targets[row] + t * (after - targets[row])
                 away = np.maximum(away, self.manifold.nearest(samples, foot)[2])
@@ -81,7 +81,7 @@ class Track:
         entry = self._entry[self._host]
         self._entry[facets] = -1
         watched = np.flatnonzero(entry >= 0)
-        best, distance = closest_of(corners, begin, self._place[watched], entry[watched], row)
+        best, distance = closest_of(places, start, self._place[watched], entry[watched], row)
         np.maximum.at(apart, row[best], distance)
         return Probe(apart, facets, row, foot, watched, row[best], facets[best])
 
@@ -121,8 +121,8 @@ def _middles(points: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.nda
     if facets.shape[1] == 2:
         return points[facets].mean(axis=1), np.arange(len(facets))
     edges = np.sort(facets[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges, first = np.unique(edges, axis=0, return_index=True)
-    return points[edges].mean(axis=1), first // 3
+    edges, place = np.unique(edges, axis=0, return_index=True)
+    return points[edges].mean(axis=1), place // 3
 
 
 def _grid(k: int) -> np.ndarray:

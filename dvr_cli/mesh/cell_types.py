@@ -49,7 +49,7 @@ class CellType:
 
     @property
     def is_simplex(self) -> bool:
-        """Whether each facet lacks one vertex."""
+        """True if each facet lacks one vertex."""
         return self.nodes == self.dimension + 1
 
     @property

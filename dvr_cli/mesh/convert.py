@@ -91,7 +91,7 @@ def _cell_sets(mesh: meshio.Mesh) -> dict[str, list[np.ndarray]]:
 
 
 def _positions(part: object, n: int) -> bool:
-    """Whether ``part`` is an array of positions in a list of n."""
+    """True if ``part`` is an array of positions in a list of n."""
     if not isinstance(part, np.ndarray) or part.ndim != 1 or part.dtype.kind not in "iu":
         return False
     return not len(part) or bool(part.min() >= 0 and part.max() < n)

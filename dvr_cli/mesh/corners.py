@@ -1,4 +1,4 @@
-"""Corners: the bundle of simplices that every linear element is made of (DESIGN section 2, "Corners").
+"""Corners: the bundle of simplices that every linear element is made of (docs/design.md).
 
 A corner is a vertex with its d edges inside one element, together with the target shape those edges should
 have. Triangles and tetrahedra have one corner (all of theirs give the same value), quadrilaterals 4,
@@ -136,7 +136,7 @@ class Corners(Simplices):
     start: np.ndarray
 
     def by_cell(self, combine: np.ufunc, values: np.ndarray) -> np.ndarray:
-        """What ``combine`` (np.minimum, say) makes of the values (C, ...) of each cell's corners."""
+        """The values (C, ...) of each cell's corners combined by np.minimum, say: (n_cells, ...)."""
         return combine.reduceat(values, self.start[:-1]) if len(values) else values
 
     def cell_of(self, corner: int) -> int:

@@ -11,8 +11,8 @@ def row_entries(start: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.nda
     start: (n + 1,) offsets; rows: (m,) row numbers. Returns ((sum of lengths,), (m + 1,)) int64.
     """
     length = start[rows + 1] - start[rows]
-    begin = np.concatenate([[0], np.cumsum(length)])
-    return np.arange(begin[-1]) + np.repeat(start[rows] - begin[:-1], length), begin
+    row_start = np.concatenate([[0], np.cumsum(length)])
+    return np.arange(row_start[-1]) + np.repeat(start[rows] - row_start[:-1], length), row_start
 
 
 def group(keys: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:

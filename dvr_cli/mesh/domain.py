@@ -65,7 +65,7 @@ class Domain:
 
     @property
     def is_surface(self) -> bool:
-        """Whether the mesh is a surface in space, not a planar or volume mesh."""
+        """True for a surface in space, False for a planar or volume mesh."""
         return self.points.shape[1] > self.dimension
 
     @property
@@ -75,7 +75,7 @@ class Domain:
 
     @property
     def is_tilted(self) -> bool:
-        """Whether the mesh lies in a plane in general position, so that lifting rounds its coordinates."""
+        """True if the mesh lies in a plane in general position, so that lifting rounds its coordinates."""
         return self.plane is not None and self.plane.selected is None
 
     def around(self, vertices: np.ndarray) -> Domain:
@@ -84,13 +84,13 @@ class Domain:
         here[vertices] = True
         near = [here[block.vertices].any(axis=1) for block in self.cells]
         cells = [Cells(b.type, b.vertices[mask]) for b, mask in zip(self.cells, near, strict=True)]
-        chosen = np.concatenate(near)
+        kept = np.concatenate(near)
         return replace(
             self,
             cells=cells,
-            cell_ids=self.cell_ids[chosen],
+            cell_ids=self.cell_ids[kept],
             corners=corners_of(cells, self.dimension),
-            region=self.region[chosen],
+            region=self.region[kept],
         )
 
     def flatten(self, points: np.ndarray) -> np.ndarray:
@@ -124,9 +124,9 @@ def domain_of(mesh: Mesh, straighten: bool = False, backend: Backend = NUMPY) ->
     if dimension > mesh.points.shape[1]:
         raise InputError("volume cells need three coordinates, the points have 2")
     mids = mid_nodes(mesh, straighten)
-    chosen = [b for b, block in enumerate(linear) if relaxed_dimension(block.type) == dimension]
-    stored = [Cells(linear[b].type, linear[b].vertices.astype(np.int32)) for b in chosen]
-    first = np.concatenate([[0], np.cumsum([len(block.vertices) for block in mesh.cells])])
+    blocks = [b for b, block in enumerate(linear) if relaxed_dimension(block.type) == dimension]
+    stored = [Cells(linear[b].type, linear[b].vertices.astype(np.int32)) for b in blocks]
+    start = np.concatenate([[0], np.cumsum([len(block.vertices) for block in mesh.cells])])
     points, plane = mesh.points, None
     if dimension == 2:
         plane = plane_of(mesh.points[_used(stored, len(mesh.points))])
@@ -140,14 +140,14 @@ def domain_of(mesh: Mesh, straighten: bool = False, backend: Backend = NUMPY) ->
         measures = as_stored.by_cell(np.add, backend.twin(determinants)(points, as_stored.vertices))
         mirrored = mirrored_cells(measures, stored, backend)
     cells = with_mirrored(stored, mirrored)
-    region = regions_of(mesh, chosen)
+    region = regions_of(mesh, blocks)
     return Domain(
         points=points,
         cells=cells,
-        cell_ids=np.concatenate([np.arange(first[b], first[b + 1]) for b in chosen]),
+        cell_ids=np.concatenate([np.arange(start[b], start[b + 1]) for b in blocks]),
         corners=corners_of(cells, dimension) if mirrored.any() else as_stored,
         region=region,
-        interior=_interior(linear, stored, chosen, region, len(mesh.points), backend) & mesh.unlinked,
+        interior=_interior(linear, stored, blocks, region, len(mesh.points), backend) & mesh.unlinked,
         mirrored=int(mirrored.sum()),
         plane=plane,
         mids=mids,
@@ -159,7 +159,7 @@ def domain_of(mesh: Mesh, straighten: bool = False, backend: Backend = NUMPY) ->
 def _interior(
     cells: list[Cells],
     stored: list[Cells],
-    chosen: list[int],
+    blocks: list[int],
     region: np.ndarray,
     n_points: int,
     backend: Backend,
@@ -167,7 +167,7 @@ def _interior(
     """(N,) bool: vertices inside one region that no cell of lower dimension holds."""
     interior = enclosed(stored, region, n_points, backend)
     for b, block in enumerate(cells):
-        if b not in chosen:
+        if b not in blocks:
             interior[block.vertices] = False
     return interior
 
@@ -204,7 +204,7 @@ def _check_values(mesh: Mesh) -> None:
     if mesh.points.ndim != 2 or mesh.points.shape[1] not in (2, 3):
         raise InputError(f"points have shape {mesh.points.shape}; 2 or 3 coordinates each are needed")
     check_coordinates(mesh.points)
-    first = 0
+    start = 0
     for block in mesh.cells:
         vertices = block.vertices
         if not len(vertices):
@@ -218,7 +218,7 @@ def _check_values(mesh: Mesh) -> None:
         if vertices.min() < 0 or vertices.max() >= len(mesh.points):
             row = int(np.flatnonzero(((vertices < 0) | (vertices >= len(mesh.points))).any(axis=1))[0])
             raise InputError(
-                f"cell {first + row} ({block.type}) names a vertex that does not exist; "
+                f"cell {start + row} ({block.type}) names a vertex that does not exist; "
                 f"there are {len(mesh.points)} vertices"
             )
         twice = np.zeros(len(vertices), dtype=bool)
@@ -226,5 +226,5 @@ def _check_values(mesh: Mesh) -> None:
             twice |= vertices[:, i] == vertices[:, j]
         if twice.any():
             row = int(twice.argmax())
-            raise InputError(f"cell {first + row} ({block.type}) names one vertex twice")
-        first += len(vertices)
+            raise InputError(f"cell {start + row} ({block.type}) names one vertex twice")
+        start += len(vertices)

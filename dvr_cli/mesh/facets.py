@@ -69,15 +69,15 @@ def facets_of(blocks: list[Cells], backend: Backend = NUMPY) -> Facets:
     total = sum(len(block.vertices) * len(facets) for block, facets in zip(blocks, local, strict=True))
     vertices = np.full((total, width), -1, dtype=np.int32)
     cell = np.empty(total, dtype=np.int32)
-    first = row = 0
+    start = row = 0
     for block, facets in zip(blocks, local, strict=True):
         n = len(block.vertices)
         for facet in facets:
             for k, vertex in enumerate(facet):
                 vertices[row : row + n, k] = block.vertices[:, vertex]
-            cell[row : row + n] = np.arange(first, first + n)
+            cell[row : row + n] = np.arange(start, start + n)
             row += n
-        first += n
+        start += n
     order, new = backend.twin(facet_order)(vertices, int(vertices.max(initial=-1)) + 1)
     return Facets(vertices, cell, order, np.append(np.flatnonzero(new), len(cell)))
 

@@ -23,7 +23,7 @@ _LISTED = 20  # tags that an error message lists
 
 
 def group_cells(mesh: Mesh, name: str) -> list[np.ndarray]:
-    """Which cells are in the groups called ``name``: a boolean array for each block, all False for none.
+    """The cells of the groups called ``name``: a boolean array for each block, all False for none.
 
     A name that several groups bear means all of them; a number that is no name means the groups with that
     tag, of any dimension.

@@ -2,7 +2,7 @@
 
 Facets are not listed for this. Every facet gets a random number that depends on its vertices and the region
 of the cell that has it; each cell adds the numbers of its facets to their vertices by exclusive or. The two
-cells on either side of a facet cancel, so what is left at a vertex is zero exactly where no facet is single
+cells on either side of a facet cancel, so what remains at a vertex is zero exactly where no facet is single
 (any other sum of 64-bit random numbers vanishes with a chance of 2^-64).
 """
 
@@ -26,21 +26,21 @@ def enclosed(blocks: list[Cells], region: np.ndarray, n_points: int, backend: Ba
     backend: what computes; the result is the same.
     """
     used = np.zeros(n_points, dtype=bool)
-    left_over = np.zeros(n_points, dtype=np.uint64)
+    unpaired = np.zeros(n_points, dtype=np.uint64)
     of_vertex = mixed(np.arange(1, n_points + 1, dtype=np.uint64))
     of_region = mixed(~region.astype(np.uint64)) if region.any() else np.zeros(len(region), dtype=np.uint64)
-    first = 0
+    start = 0
     with np.errstate(over="ignore"):  # numbers are modulo 2^64, and numba may be told to run Python
         for block in blocks:
-            here = of_region[first : first + len(block.vertices)]
-            first += len(block.vertices)
-            sums = of_vertex, here, used, left_over
+            here = of_region[start : start + len(block.vertices)]
+            start += len(block.vertices)
+            sums = of_vertex, here, used, unpaired
             cell_type = CELL_TYPES[block.type]
             if cell_type.is_simplex:
                 backend.twin(cancel_facets_of_simplices)(block.vertices, *sums)
             else:
                 backend.twin(cancel_facets)(block.vertices, padded_facets(cell_type), *sums)
-    return used & (left_over == 0)
+    return used & (unpaired == 0)
 
 
 def cancel_facets(
@@ -49,7 +49,7 @@ def cancel_facets(
     of_vertex: np.ndarray,
     of_region: np.ndarray,
     used: np.ndarray,
-    left_over: np.ndarray,
+    unpaired: np.ndarray,
 ) -> None:
     """Add the cells ``vertices`` (n, k) to what ``enclosed`` knows of their vertices.
 
@@ -63,7 +63,7 @@ def cancel_facets(
         for k, vertex in enumerate(chunk):
             around = [n for n, side in zip(numbers, sides, strict=True) if k in side]
             used[vertex] = True
-            np.bitwise_xor.at(left_over, vertex, np.bitwise_xor.reduce(around))
+            np.bitwise_xor.at(unpaired, vertex, np.bitwise_xor.reduce(around))
 
 
 def cancel_facets_of_simplices(
@@ -71,9 +71,9 @@ def cancel_facets_of_simplices(
     of_vertex: np.ndarray,
     of_region: np.ndarray,
     used: np.ndarray,
-    left_over: np.ndarray,
+    unpaired: np.ndarray,
 ) -> None:
     """The same for triangles or tetrahedra, each facet of which lacks one vertex."""
     width = vertices.shape[1]
     facets = np.array([[k for k in range(width) if k != lacking] for lacking in range(width)])
-    cancel_facets(vertices, facets, of_vertex, of_region, used, left_over)
+    cancel_facets(vertices, facets, of_vertex, of_region, used, unpaired)

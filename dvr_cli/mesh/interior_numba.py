@@ -17,7 +17,7 @@ def cancel_facets(
     of_vertex: np.ndarray,
     of_region: np.ndarray,
     used: np.ndarray,
-    left_over: np.ndarray,
+    unpaired: np.ndarray,
 ) -> None:
     """As ``interior.cancel_facets``."""
     width = vertices.shape[1]
@@ -36,7 +36,7 @@ def cancel_facets(
                     around[facets[f, j]] ^= total
         for k in range(width):
             used[vertices[c, k]] = True
-            left_over[vertices[c, k]] ^= around[k]
+            unpaired[vertices[c, k]] ^= around[k]
 
 
 @compiled
@@ -45,7 +45,7 @@ def cancel_facets_of_simplices(
     of_vertex: np.ndarray,
     of_region: np.ndarray,
     used: np.ndarray,
-    left_over: np.ndarray,
+    unpaired: np.ndarray,
 ) -> None:
     """The same for triangles or tetrahedra, each facet of which lacks one vertex."""
     width = vertices.shape[1]
@@ -59,4 +59,4 @@ def cancel_facets_of_simplices(
             around ^= number[k]
         for k in range(width):
             used[vertices[c, k]] = True
-            left_over[vertices[c, k]] ^= around ^ number[k]
+            unpaired[vertices[c, k]] ^= around ^ number[k]

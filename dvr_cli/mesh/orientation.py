@@ -40,9 +40,9 @@ def unlike_cells(weights: np.ndarray, blocks: list[Cells], backend: Backend = NU
     one, other = facets.cell[pair].astype(np.int64), facets.cell[pair + 1].astype(np.int64)
     alike = ~_same_direction(facets.vertices[pair], facets.vertices[pair + 1])
     # node 2c stands for "cell c as stored", node 2c+1 for its mirror image
-    left = np.concatenate([2 * one, 2 * one + 1])
-    right = np.concatenate([2 * other + ~alike, 2 * other + alike])
-    label = connected_parts(2 * len(weights), left, right)
+    one_side = np.concatenate([2 * one, 2 * one + 1])
+    other_side = np.concatenate([2 * other + ~alike, 2 * other + alike])
+    label = connected_parts(2 * len(weights), one_side, other_side)
     as_stored, mirrored = label[0::2], label[1::2]
     # The two labels of a cell name the two ways to orient its part. Adding up the measures under the smaller
     # of them gives the sign of that way; a part that cannot be oriented (both labels equal) stays as stored.
@@ -57,25 +57,25 @@ def with_mirrored(blocks: list[Cells], mirrored: np.ndarray) -> list[Cells]:
     """The blocks with the cells marked in ``mirrored`` ((n,) bool through all blocks) turned inside out."""
     if not mirrored.any():
         return blocks
-    result, first = [], 0
+    result, start = [], 0
     for block in blocks:
-        here = mirrored[first : first + len(block.vertices)]
-        first += len(block.vertices)
+        here = mirrored[start : start + len(block.vertices)]
+        start += len(block.vertices)
         turned = np.where(here[:, None], block.vertices[:, CELL_TYPES[block.type].mirror], block.vertices)
         result.append(Cells(block.type, turned))
     return result
 
 
-def connected_parts(n: int, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """(n,) smallest node of the connected part of each node, in the graph with edges left[i]-right[i]."""
+def connected_parts(n: int, tail: np.ndarray, head: np.ndarray) -> np.ndarray:
+    """(n,) smallest node of the connected part of each node, in the graph with edges tail[i]-head[i]."""
     label = np.arange(n)
     while True:
-        low = np.minimum(label[left], label[right])
+        low = np.minimum(label[tail], label[head])
         before = label.copy()
-        np.minimum.at(label, left, low)
-        np.minimum.at(label, right, low)
-        np.minimum.at(label, before[left], low)  # hook whole trees: few rounds
-        np.minimum.at(label, before[right], low)
+        np.minimum.at(label, tail, low)
+        np.minimum.at(label, head, low)
+        np.minimum.at(label, before[tail], low)  # hook whole trees: few rounds
+        np.minimum.at(label, before[head], low)
         while (label[label] != label).any():
             label = label[label]
         if (label == before).all():

@@ -38,7 +38,7 @@ class Plane:
         return lifted
 
     def holds(self, points: np.ndarray) -> bool:
-        """Whether ``points`` (N, D) lie in this plane or, all of them, in one parallel to it."""
+        """True if ``points`` (N, D) lie in this plane or, all of them, in one parallel to it."""
         if self.axes.shape[1] == 2 or not len(points):
             return True
         height = points @ np.cross(self.axes[0], self.axes[1])

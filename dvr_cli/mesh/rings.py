@@ -38,7 +38,7 @@ class Rings:
 
 @dataclass(frozen=True)
 class Incidence:
-    """Which corners contain which of m vertices.
+    """The corners that contain each of m vertices.
 
     vertices: (m,) int32, their point indices.
     start: (m + 1,) int64, the entries of vertex i are start[i] .. start[i+1].

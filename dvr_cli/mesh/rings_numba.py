@@ -42,14 +42,14 @@ def rings(
     """As ``rings.rings``, of a sequence of all the vertices."""
     width = vertices.shape[1]
     new_start = np.zeros(len(sequence) + 1, dtype=np.int64)
-    begin = np.empty(len(sequence), dtype=np.int64)
+    ring_start = np.empty(len(sequence), dtype=np.int64)
     for i in range(len(sequence)):
-        begin[sequence[i]] = new_start[i]
+        ring_start[sequence[i]] = new_start[i]
         new_start[i + 1] = new_start[i] + start[sequence[i] + 1] - start[sequence[i]]
     others = np.empty((new_start[-1], width - 1), dtype=np.int32)
     shape = np.empty(new_start[-1], dtype=np.uint8)
     for vertex in range(len(sequence)):  # not in sequence: neighbours' rings share corners
-        new = begin[vertex]
+        new = ring_start[vertex]
         for entry in range(start[vertex], start[vertex + 1]):
             c, own = corner[entry], place[entry]
             for j in range(1, width):

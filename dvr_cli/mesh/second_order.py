@@ -1,7 +1,7 @@
-"""Second-order cells: smoothed by their corner vertices, the other nodes carried along.
+"""Second-order cells: smoothed as linear ones, the further nodes carried along.
 
 Node order is meshio's (VTK's). Every other node belongs to an edge, a face or the inside of its cell, named
-here by the corner vertices in whose middle it ordinarily lies. A node on an edge keeps its place on the
+here by the vertices in whose middle it ordinarily lies. A node on an edge keeps its place on the
 edge, also where that is not the middle; other nodes keep their offset from the middle.
 """
 
@@ -21,44 +21,46 @@ STRAIGHT = 1e-6
 
 @dataclass(frozen=True)
 class MidNodes:
-    """The nodes of second-order cells that are no corner vertices, each once.
+    """The nodes of second-order cells beside those of the linear cells, each once.
 
-    nodes: (n,) their indices. corners: (n, w) the corner vertices around each, rows filled up with the first.
-    weights: (n, w) with which the corners give a node's straight place.
+    nodes: (n,) their indices. around: (n, w) the vertices around each, rows filled up with the first.
+    weights: (n, w) with which these give a node's straight place.
     curved: how many cells have a node farther than STRAIGHT from its straight place.
     """
 
     nodes: np.ndarray
-    corners: np.ndarray
+    around: np.ndarray
     weights: np.ndarray
     curved: int
 
     def bent(self, points: np.ndarray, rounding: float, relative: float) -> np.ndarray:
-        """(m, w) the corners around those nodes that are farther than ``rounding``, or ``relative`` times the
-        size of their edge or face, from their straight place; points: (N, D).
+        """(m, w) the vertices around those nodes that are farther than ``rounding``, or ``relative`` times
+        the size of their edge or face, from their straight place; points: (N, D).
         """
-        around = points[self.corners]
-        place = (self.weights[:, :, None] * around).sum(axis=1)
-        size = np.ptp(around, axis=1).max(axis=1)
+        ends = points[self.around]
+        place = (self.weights[:, :, None] * ends).sum(axis=1)
+        size = np.ptp(ends, axis=1).max(axis=1)
         distance = np.linalg.norm(points[self.nodes] - place, axis=1)
-        return self.corners[distance > np.minimum(rounding, relative * size)]
+        return self.around[distance > np.minimum(rounding, relative * size)]
 
     def carry(self, before: np.ndarray, after: np.ndarray, straighten: bool) -> None:
-        """Move the nodes in ``after`` (N, D) as their corners moved since ``before``; others keep their bits.
+        """Move the nodes in ``after`` (N, D) as the vertices around them moved since ``before``.
+
+        Nodes around which nothing moved keep their bits.
 
         straighten: put those that move to their straight place instead of keeping their offset from it.
         """
-        shift = after[self.corners] - before[self.corners]
+        shift = after[self.around] - before[self.around]
         moved = shift.any(axis=(1, 2))
         nodes, weights = self.nodes[moved], self.weights[moved, :, None]
         if straighten:
-            after[nodes] = (weights * after[self.corners[moved]]).sum(axis=1)
+            after[nodes] = (weights * after[self.around[moved]]).sum(axis=1)
         else:
             after[nodes] = before[nodes] + (weights * shift[moved]).sum(axis=1)
 
 
 def linear_cells(cells: list[Cells]) -> list[Cells]:
-    """The same blocks with second-order cells cut down to their corner vertices."""
+    """The same blocks with second-order cells cut down to linear ones."""
     result = []
     for block in cells:
         linear = _linear(block.type)
@@ -76,7 +78,7 @@ def mid_nodes(mesh: Mesh, straighten: bool) -> MidNodes | None:
     if not blocks:
         return None
     width = max(len(around) for block in blocks for around in CELL_TYPES[block.type].mids)
-    nodes, corners, counts, curved, largest = [], [], [], 0, 0.0
+    nodes, vertices, counts, curved, largest = [], [], [], 0, 0.0
     for block in blocks:
         cell_type = CELL_TYPES[block.type]
         bent = np.zeros(len(block.vertices), dtype=bool)
@@ -88,7 +90,7 @@ def mid_nodes(mesh: Mesh, straighten: bool) -> MidNodes | None:
             filled = np.repeat(ends[:, :1], width, axis=1)
             filled[:, : len(around)] = ends
             nodes.append(node)
-            corners.append(filled)
+            vertices.append(filled)
             counts.append(np.full(len(node), len(around)))
         curved += int(bent.sum())
     if curved and not straighten:
@@ -96,9 +98,9 @@ def mid_nodes(mesh: Mesh, straighten: bool) -> MidNodes | None:
             f"{curved} second-order cells are curved, by up to {largest:.2g} of an edge; "
             "only straight ones can be smoothed (--straighten takes them as straight)"
         )
-    every_node, first = np.unique(np.concatenate(nodes), return_index=True)
-    chosen = np.concatenate(corners)[first]
-    count = np.concatenate(counts)[first]
+    every_node, place = np.unique(np.concatenate(nodes), return_index=True)
+    ends = np.concatenate(vertices)[place]
+    count = np.concatenate(counts)[place]
     is_corner = np.zeros(len(mesh.points), dtype=bool)
     for block in linear_cells(mesh.cells):
         is_corner[block.vertices] = True
@@ -107,9 +109,9 @@ def mid_nodes(mesh: Mesh, straighten: bool) -> MidNodes | None:
         raise InputError(f"vertex {node} (counted from 0) is a corner of one cell and a mid node of another")
     weights = np.where(np.arange(width) < count[:, None], 1.0 / count[:, None], 0.0)
     edge = count == 2
-    t = _place_on_edge(mesh.points, every_node[edge], chosen[edge, :2])
+    t = _place_on_edge(mesh.points, every_node[edge], ends[edge, :2])
     weights[edge, 0], weights[edge, 1] = 1.0 - t, t
-    return MidNodes(every_node, chosen, weights, curved)
+    return MidNodes(every_node, ends, weights, curved)
 
 
 def _linear(name: str) -> CellType | None:

@@ -12,7 +12,7 @@ def with_extreme_cosines(
     points: np.ndarray, vertices: np.ndarray, faces: np.ndarray, pairs: np.ndarray, near: float
 ) -> np.ndarray:
     """As ``angles.with_extreme_cosines``: few other cells are among those it gives."""
-    chosen = np.zeros(len(vertices), dtype=np.bool_)
+    extreme = np.zeros(len(vertices), dtype=np.bool_)
     low, high = np.inf, -np.inf
     normal = np.empty((len(faces), 3))
     length = np.empty(len(faces))
@@ -30,6 +30,6 @@ def with_extreme_cosines(
             size = length[i] * length[j]
             inner = normal[i, 0] * normal[j, 0] + normal[i, 1] * normal[j, 1] + normal[i, 2] * normal[j, 2]
             if size > 0 and (inner >= (high - near) * size or inner <= (low + near) * size):
-                chosen[c] = True
+                extreme[c] = True
                 low, high = min(low, inner / size), max(high, inner / size)
-    return chosen
+    return extreme

@@ -15,6 +15,16 @@ def badness(v: np.ndarray, s: np.ndarray, dimension: int) -> np.ndarray:
     return np.where(v > 0, ratio, np.inf)
 
 
+def badness_of(quality: float, dimension: int) -> float:
+    """B of a corner with this quality, infinite where that is not positive."""
+    return quality ** (-dimension * (dimension - 1) / 2) if quality > 0 else np.inf
+
+
+def quality_growth(before: np.ndarray, after: np.ndarray, dimension: int) -> np.ndarray:
+    """The relative growth of quality when badness falls from ``before`` to ``after``."""
+    return (before / after) ** (2.0 / (dimension * (dimension - 1))) - 1.0
+
+
 def worst_corner(points: np.ndarray, corners: Simplices) -> tuple[int, float]:
     """The first of the corners with the largest badness, and that badness; 0 and -1 if there are none.
 

@@ -1,4 +1,4 @@
-"""What limits a relaxed mesh: why its worst element is no better, and what would help.
+"""Limits of a relaxed mesh: the reason why its worst element is no better, and what would help.
 
 The reasons, in the order in which they are looked for:
 
@@ -29,7 +29,7 @@ _REMESH = "only other elements help: remesh there"
 
 @dataclass(frozen=True)
 class Limit:
-    """What holds the worst element of a mesh.
+    """The reason why the worst element of a mesh is no better.
 
     kind: "valence", "selection", "boundary", "fixed-cap" or "balance". element: the worst one.
     vertex: one that is the reason, None if none in particular is. text: the reason in words.
@@ -51,7 +51,7 @@ def limit_of(
     deselected: Mapping[str, np.ndarray],
     boundary: Mapping[str, Callable[[np.ndarray], np.ndarray]],
 ) -> Limit:
-    """What limits the mesh with coordinates ``points`` (as its mesh gives them) and this quality.
+    """The limit of the mesh with coordinates ``points`` (as its mesh gives them) and this quality.
 
     relaxed: (m,) the relaxed vertices. deselected: for each option that selects the vertices that could move
     and that it keeps, (N,) bool. boundary: for each option that would free vertices of the boundary a

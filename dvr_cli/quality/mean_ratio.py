@@ -1,4 +1,4 @@
-"""The mean ratio of corners and elements (paper section 3.1, DESIGN section 2 "Corners").
+"""The mean ratio of corners and elements (paper section 3.1).
 
 Everything is written over coordinate *components* (lists of d arrays of any one shape), with each sum in a
 fixed order, so that every engine gets the same bits.

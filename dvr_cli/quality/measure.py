@@ -114,10 +114,10 @@ def _by_corner(domain: Domain, flat: np.ndarray, inverted: np.ndarray | None) ->
 
 def cell_field(mesh: Mesh, quality: Quality) -> list[np.ndarray]:
     """The quality of each cell, one array a block of the mesh; NaN for cells of lower dimension."""
-    first = np.cumsum([0, *(len(block.vertices) for block in mesh.cells)])
-    field = np.full(first[-1], np.nan)
+    start = np.cumsum([0, *(len(block.vertices) for block in mesh.cells)])
+    field = np.full(start[-1], np.nan)
     field[domain_of(mesh, straighten=True).cell_ids] = quality.elements
-    return np.split(field, first[1:-1])
+    return np.split(field, start[1:-1])
 
 
 def _quantiles(elements: np.ndarray) -> dict[float, float]:
@@ -143,15 +143,15 @@ def _worst(domain: Domain, points: np.ndarray, elements: np.ndarray, number: int
     candidates = np.argpartition(elements, number - 1)[:number] if number else np.empty(0, dtype=np.int64)
     # ties at the edge of the list would depend on the partition: take all of them, then sort by id
     candidates = np.flatnonzero(elements <= elements[candidates].max()) if number else candidates
-    chosen = candidates[np.lexsort((candidates, elements[candidates]))][:number]
-    return [_element(domain, points, elements, int(cell)) for cell in chosen]
+    ordered = candidates[np.lexsort((candidates, elements[candidates]))][:number]
+    return [_element(domain, points, elements, int(cell)) for cell in ordered]
 
 
 def _element(domain: Domain, points: np.ndarray, elements: np.ndarray, cell: int) -> Element:
     """The element with number ``cell`` among those of the domain."""
-    first = np.cumsum([0, *(len(block.vertices) for block in domain.cells)])
-    block = int(np.searchsorted(first, cell, side="right")) - 1
-    vertices = domain.cells[block].vertices[cell - first[block]]
+    start = np.cumsum([0, *(len(block.vertices) for block in domain.cells)])
+    block = int(np.searchsorted(start, cell, side="right")) - 1
+    vertices = domain.cells[block].vertices[cell - start[block]]
     return Element(
         cell_type=domain.cells[block].type,
         cell=int(domain.cell_ids[cell]),

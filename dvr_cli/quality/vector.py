@@ -28,6 +28,6 @@ def first_difference(a: np.ndarray, b: np.ndarray) -> int | None:
 
 
 def at_least(a: np.ndarray, b: np.ndarray) -> bool:
-    """Whether a ≥ b in the paper's ordering of quality vectors (eq. 2); both (m,) sorted ascending."""
+    """True if a ≥ b in the paper's ordering of quality vectors (eq. 2); both (m,) sorted ascending."""
     where = first_difference(a, b)
     return where is None or bool(a[where] > b[where])

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvr_cli.quality.badness import badness_of
 from dvr_cli.relax.directions import DirectionField
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.stopping import Stopping, StopReason
@@ -91,8 +92,7 @@ def polish(
     is lowest. Stops when the mean grows by less than ``stopping.tol`` in a sweep, and after its
     max_iterations and time_limit. done: how many sweeps came before. on_sweep, interrupted: see ``relax``.
     """
-    d = engine.problem.dimension
-    limit = floor ** (-d * (d - 1) / 2) if floor > 0 else np.inf
+    limit = badness_of(floor, engine.problem.dimension)
     begin = time.perf_counter()
     mean = float(engine.qualities().mean())
     sweeps: list[Sweep] = []

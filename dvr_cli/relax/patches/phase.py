@@ -22,6 +22,7 @@ import numpy as np
 
 from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.mesh.corners import SHAPES
+from dvr_cli.quality.badness import quality_growth
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.patches.neighbourhoods import ROUND, Neighbourhoods, Patches
@@ -97,7 +98,6 @@ class _State:
         self.rules = SHAPES[d].norm, freedom.dimension, freedom.axis
         self.quality = corner_qualities(self.points, self._touched)
         self.layers = np.ones(len(self.quality), dtype=np.int64)  # to be freed around each corner
-        self._power = 2.0 / (d * (d - 1))
 
     @property
     def q1(self) -> float:
@@ -132,7 +132,7 @@ class _State:
         corners = patches.corners
         self.quality[corners] = corner_qualities(self.points, self._touched.part(corners))
         with np.errstate(invalid="ignore"):  # infinite before and after: no growth
-            growth = (badness[:, 0] / badness[:, 1]) ** self._power - 1.0
+            growth = quality_growth(badness[:, 0], badness[:, 1], self._touched.dimension)
         grown = growth >= PROGRESS
         self.layers[patches.seeds[~grown]] += 1
         self.layers[corners[np.repeat(grown, np.diff(patches.corner_start))]] = 1

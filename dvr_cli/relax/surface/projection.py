@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from dvr_cli.boundary.freedom import Freedom, unit
-from dvr_cli.boundary.smooth_parts import Curved
+from dvr_cli.boundary.smooth_parts import SmoothParts
 from dvr_cli.boundary.tracking import Probe, Track
 from dvr_cli.mesh.corners import SHAPES, Corners
 from dvr_cli.mesh.csr import group
@@ -41,7 +41,7 @@ class Projection:
         self,
         corners: Corners,
         points: np.ndarray,
-        curved: Curved,
+        curved: SmoothParts,
         field: DirectionField,
         limit: float,
         order: str = "coloured",

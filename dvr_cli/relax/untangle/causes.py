@@ -15,7 +15,7 @@ from dvr_cli.relax.untangle.phase import hopeless
 _NEAR = 2  # rings of vertices around a crossing within which it is to blame
 
 
-def left_over(points: np.ndarray, domain: Domain, freedom: Freedom) -> dict[str, int]:
+def tangled_elements(points: np.ndarray, domain: Domain, freedom: Freedom) -> dict[str, int]:
     """How many elements are inverted or degenerate with coordinates ``points`` (N, d), and why.
 
     elements: how many; hopeless: of these, with a corner whose vertices are all held; crossing: of the rest,
