@@ -140,7 +140,11 @@ class Deck:
     def place(self, file: int, position: int) -> str:
         """Words for a place in a file."""
         owner = self.files[file]
-        return f"{owner.name}, line " * bool(file) + "line " * (not file) + str(owner.line_number(position))
+        return (
+            f"{shown(str(owner.name))[1:-1]}, line " * bool(file)
+            + "line " * (not file)
+            + str(owner.line_number(position))
+        )
 
     def _take_in(self, number: int, depth: int) -> None:
         """Append the cards of a file to those so far; what precedes its first belongs to the last."""

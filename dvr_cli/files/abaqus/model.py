@@ -13,6 +13,7 @@ from dvr_cli.files.abaqus.fields import Fields
 from dvr_cli.files.abaqus.nodes import NodeRows, read_nodes
 from dvr_cli.files.abaqus.types import NODE_ORDER, ElementType, element_type, variable_type
 from dvr_cli.files.gmsh.tags import TagIndex, first_repeated
+from dvr_cli.files.numbers_in_text import shown
 from dvr_cli.mesh.mesh import Cells
 
 # Keywords whose nodes or elements are nowhere in the deck as such.
@@ -169,7 +170,7 @@ class Model:
     def _check_system(self, card: Card, system: bool) -> None:
         kind = card.options.get("SYSTEM", "R").upper()
         if kind != "R":
-            what = f"{_SYSTEMS.get(kind, 'other')} coordinates (SYSTEM={kind[:8]})"
+            what = f"{_SYSTEMS.get(kind, 'other')} coordinates (SYSTEM={shown(kind)[1:-1]})"
             raise InputError(f"{self.place(card)}: *NODE in {what}, which are not supported")
         if system:
             raise InputError(f"{self.place(card)}: *NODE in a local system (*SYSTEM), which is not supported")
@@ -199,7 +200,7 @@ class Model:
             vertex, first = _numbered(ids)
             moved = (xyz != xyz[first][vertex]).any(axis=1)
             if moved.any():
-                where = f" of {scope.name}" if scope.name else ""
+                where = f" of {shown(scope.name)}" if scope.name else ""
                 raise InputError(f"node {ids[moved][0]}{where} is defined twice, at different places")
             scope.numbers, scope.index = ids[first], TagIndex(ids[first])
             scope.vertices = np.arange(total, total + len(first))
@@ -235,7 +236,7 @@ class Model:
             ids = np.concatenate([numbers for numbers, _ in own])
             repeated = first_repeated(ids)
             if repeated is not None:
-                where = f" of {scope.name}" if scope.name else ""
+                where = f" of {shown(scope.name)}" if scope.name else ""
                 raise InputError(f"element {repeated}{where} is defined twice")
             scope.element_numbers, scope.element_index = ids, TagIndex(ids)
             scope.cells = np.concatenate([np.arange(at, at + len(numbers)) for numbers, at in own])
@@ -321,7 +322,7 @@ class Model:
             row = int(np.argmax(missing.any(axis=1)))
             raise InputError(
                 f"element {ids[row]} names node {nodes[missing][0]}, which is not defined"
-                + f" in {scope.name}" * bool(scope.name)
+                + f" in {shown(scope.name)}" * bool(scope.name)
                 + f" ({fields.place(0)})"
             )
         if (ids <= 0).any():
