@@ -357,6 +357,8 @@ def test_damaged_files_raise_input_errors_only(count):
             points = mesh.points + 0.25
             if not np.isfinite(mesh.points).all() or np.abs(mesh.points).max() > 1e6:
                 continue
+        if len(np.unique(source.stored(points), axis=0)) < len(points):
+            continue  # what damage put next to each other rounds to one place
         again = stl.read(written(source, points)).mesh
         assert (
             again.points[again.cells[0].vertices].tolist() == source.stored(points)[block.vertices].tolist()
