@@ -179,6 +179,7 @@ REGISTRY = (
         (".e", ".exo", ".ex2", ".exii", ".g", ".gen"),
         re.compile(rb"CDF[\x01\x02\x05].*(num_nod|coord)|\x89HDF.*api_version", re.DOTALL),
         reader="exodus",
+        converter="exodus.convert",
     ),
     Format("h5m", (".h5m",)),
     Format("avsucd", (".avs",)),

@@ -15,7 +15,7 @@ from dvr_cli.cli.main import main
 from dvr_cli.errors import DvrError, InputError
 from dvr_cli.files import cgns as format_
 from dvr_cli.files.cgns import CgnsSource
-from dvr_cli.mesh.second_order import SECOND_ORDER
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from fuzz import COUNTS, mutated
 from gmsh_cad import KINDS, nodes_by_gmsh, two_boxes, written_by_gmsh
 from meshes import random_mesh
@@ -120,7 +120,8 @@ def test_nodes_are_where_meshio_has_them(files):
         mesh = format_.read(data).mesh
         for block in mesh.cells:
             found.add(block.type)
-            linear, around = SECOND_ORDER.get(block.type, (block.type, ()))
+            record = CELL_TYPES[block.type]
+            linear, around = (record.linear or record).name, record.mids
             x = mesh.points[block.vertices]
             first = x.shape[1] - len(around)
             for k, ends in enumerate(around):

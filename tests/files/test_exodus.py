@@ -10,10 +10,12 @@ import pytest
 
 from containers import differences, netcdf_objects
 from dvr_cli.cli.main import main
-from dvr_cli.errors import DvrError, InputError
+from dvr_cli.errors import DvrError, InputError, OutputError
 from dvr_cli.files import exodus
 from dvr_cli.files.exodus import ExodusSource
+from dvr_cli.files.formats import format_named
 from dvr_cli.mesh.cell_types import CELL_TYPES
+from dvr_cli.mesh.mesh import Cells, Mesh
 from exodus_corpus import VARIANTS, vtk_blocks
 from exodus_corpus import exodus as exodus_file
 from fuzz import COUNTS, mutated
@@ -226,6 +228,19 @@ def test_a_file_by_meshio(tmp_path):
     assert differences(netcdf_objects(data), netcdf_objects(new)) == {"coord"}
     (tmp_path / "x.e").write_bytes(new)
     assert np.array_equal(meshio.read(tmp_path / "x.e").points, TETRA.points + 0.5)
+
+
+def test_other_formats_as_exodus():
+    """VTK reads what meshio writes; cells of another node order are refused, as meshio does not turn them."""
+    tetra = Mesh(TETRA.points, [Cells("tetra", CELLS)])
+    file = io.BytesIO()
+    format_named("exodus").convert(tetra, []).write(tetra.points, file)
+    (found,) = vtk_blocks(file.getvalue(), "ELEM_BLOCK").values()
+    ours = TETRA.points[CELLS].astype(np.float32)
+    assert found[0][[nodes for _, nodes in found[1]]].tolist() == ours.tolist()
+    hexahedron = Mesh(np.zeros((20, 3)), [Cells("hexahedron20", np.arange(20)[None])])
+    with pytest.raises(OutputError, match="hexahedron20 cells can only be written as exodus"):
+        format_named("exodus").convert(hexahedron, [])
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 from dvr_cli.errors import InputError
 from dvr_cli.files.cgns.elements import MIXED, NODE_ORDER, cell_type
 from dvr_cli.files.cgns.nodes import Node, children, integers_of, refuse_rind
-from dvr_cli.mesh.second_order import NODES
+from dvr_cli.mesh.cell_types import CELL_TYPES
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def read_sections(zone: Node, n_points: int) -> list[Section]:
             )
             found += _taken_apart(name, entries, starts, first)
         else:
-            nodes = NODES[cell_type(kind)]
+            nodes = CELL_TYPES[cell_type(kind)].nodes
             if len(entries) != count * nodes:
                 raise InputError(f"{node.name} does not hold {nodes} nodes for each of {count} elements")
             numbers = np.arange(first, last + 1)
@@ -81,7 +81,7 @@ def _taken_apart(name: str, entries: np.ndarray, starts: np.ndarray, first: int)
     sections = []
     for kind in np.unique(kinds).tolist():
         chosen = np.flatnonzero(kinds == kind)
-        nodes = entries[starts[chosen, None] + 1 + np.arange(NODES[cell_type(kind)])]
+        nodes = entries[starts[chosen, None] + 1 + np.arange(CELL_TYPES[cell_type(kind)].nodes)]
         sections.append(_section(name, kind, nodes, first + chosen))
     return sections
 
@@ -96,7 +96,7 @@ def _chained(entries: np.ndarray, count: int, name: str) -> np.ndarray:
         starts.append(at)
         kind = listed[at]
         if kind not in sizes:
-            sizes[kind] = 1 + NODES[cell_type(kind)]
+            sizes[kind] = 1 + CELL_TYPES[cell_type(kind)].nodes
         at += sizes[kind]
     if at != len(listed):
         raise InputError(f"the nodes of {name} do not add up to those of its {count} elements")
@@ -110,7 +110,7 @@ def _checked(offsets: np.ndarray, entries: np.ndarray, count: int, name: str) ->
     sizes = np.diff(offsets)
     inside = (offsets[:-1] >= 0) & (offsets[:-1] < len(entries))
     kinds = entries[offsets[:-1][inside]]
-    right = {int(kind): 1 + NODES[cell_type(int(kind))] for kind in np.unique(kinds)}
+    right = {int(kind): 1 + CELL_TYPES[cell_type(int(kind))].nodes for kind in np.unique(kinds)}
     if not inside.all() or any((sizes[kinds == kind] != size).any() for kind, size in right.items()):
         raise InputError(f"the offsets of {name} do not fit the types of its elements")
     return offsets[:-1]
