@@ -171,7 +171,8 @@ def read_file(data: bytes, kind: Kind) -> VtkXmlSource:
     """Read a VTK XML file of this kind.
 
     Its pieces make one mesh, their points and cells one after the other: a point that two pieces share is
-    there twice, and these are linked, so that none of them moves by itself. Point and cell data are the arrays of numbers that all pieces have.
+    there twice, and these are linked, so that none of them moves by itself. Point and cell data are the
+    arrays of numbers that all pieces have.
 
     Raises InputError for what cannot be read, and for ghost cells, which two pieces share.
     """
