@@ -225,6 +225,14 @@ def test_coordinates_left_out_are_written_where_they_belong():
     assert opened(out).mesh.points.tolist() == points.tolist()
 
 
+def test_a_number_that_grows_does_not_shift_what_is_appended():
+    for blank in (b"        ", b"\t"):
+        deck = b"GRID    1       " + blank + b"0.      0.\n" + BODY[BODY.index(b"GRID,2") :]
+        source = opened(deck)
+        points = source.mesh.points + 1 / 3
+        assert opened(written(source, points)).mesh.points.tolist() == source.stored(points).tolist()
+
+
 def test_tabs_stand_for_columns():
     deck = (
         b"GRID\t1\t\t0.\t0.\t0.\nGRID\t2\t\t1.\t0.\nGRID*\t3\t\t\t\t1.\t\t1.\n*\t0.\nCTRIA3\t1\t4\t1\t2\t3\n"

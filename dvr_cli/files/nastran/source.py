@@ -177,6 +177,11 @@ class NastranSource(Source):
         changes = self._in_place(points, row, stored)
         first = int(deck.first[self._cards[i]])
         width, free = int(f.width[i, 0]), bool(f.free[i].any())
+        grown: dict[int, int] = {}  # the last number of a line may have become longer
+        for change, k in zip(changes, np.flatnonzero(row[i]).tolist(), strict=True):
+            line = int(f.line[i, k])
+            room = int(f.limits[i, k] - f.begins[i, k])
+            grown[line] = grown.get(line, 0) + len(change.text) - room
         behind: dict[int, str] = {}
         for k in np.flatnonzero(~there[: np.flatnonzero(changed)[-1] + 1]).tolist():
             number = field_text(float(points[i, k]), int(self._free_columns()[i]) if free else width)
@@ -189,7 +194,7 @@ class NastranSource(Source):
                 before = k + 3 if line == first else 1  # a large card goes on with the third coordinate
                 text += "," * (before - deck.commas(line) - text.count(",")) + number
             else:
-                text += " " * int(f.begins[i, k] - deck.limit[line] - len(text)) + number
+                text += " " * int(f.begins[i, k] - deck.limit[line] - grown.get(line, 0) - len(text)) + number
             behind[line] = text
         for line, text in behind.items():
             at = deck.end[first] if line < 0 else deck.stop[line] if free else deck.limit[line]
