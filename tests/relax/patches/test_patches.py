@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.backend import COMPILED, NUMPY
 from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.corners import SHAPES, Simplices
@@ -61,7 +62,7 @@ def patch_of(run, layers=1, seed=None):
     points = run.points[run.problem.order]
     corner = corner_qualities(points, touched).argmin() if seed is None else seed
     around = np.full(len(touched.vertices), layers)
-    moving, vertices, shapes = Neighbourhoods(run.problem, False).choose(np.array([corner]), around).of(0)
+    moving, vertices, shapes = Neighbourhoods(run.problem, NUMPY).choose(np.array([corner]), around).of(0)
     slot = np.full(len(points), -1)
     slot[moving] = np.arange(len(moving))
     dimension, axis = np.full(len(points), d, dtype=np.uint8), np.zeros_like(points)
@@ -103,8 +104,8 @@ def test_patches_of_a_round_share_no_corner():
     seeds = np.argsort(corner_qualities(run.points[run.problem.order], touched))
     for layers in (0, 1, 2):
         around = np.full(len(seeds), layers)
-        plain = Neighbourhoods(run.problem, False).choose(seeds, around)
-        fast = Neighbourhoods(run.problem, True).choose(seeds, around)
+        plain = Neighbourhoods(run.problem, NUMPY).choose(seeds, around)
+        fast = Neighbourhoods(run.problem, COMPILED).choose(seeds, around)
         for name in ("seeds", "freed_start", "freed", "corner_start", "corners", "vertices", "shapes"):
             np.testing.assert_array_equal(getattr(fast, name), getattr(plain, name))
         assert len(set(plain.corners)) == len(plain.corners)
@@ -116,7 +117,7 @@ def test_patches_of_a_round_share_no_corner():
                 freed = set(touched.vertices[near][moves[near]])
             assert set(plain.of(patch)[0]) == freed
             assert len(plain.of(patch)[1]) == np.isin(touched.vertices, list(freed)).any(axis=1).sum()
-    assert len(plain) < len(Neighbourhoods(run.problem, False).choose(seeds, 0 * around))
+    assert len(plain) < len(Neighbourhoods(run.problem, NUMPY).choose(seeds, 0 * around))
 
 
 # ---------------------------------------------------------------------------------------- the joint optimum
