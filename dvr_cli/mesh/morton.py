@@ -1,4 +1,4 @@
-"""A space-filling curve: an order of points in which neighbours in space are neighbours in memory."""
+"""Morton order: an order of points in which neighbours in space are neighbours in memory."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _BITS = {2: 31, 3: 21}  # of each coordinate, so that all fit 63 bits
 
 
 def morton_order(points: np.ndarray) -> np.ndarray:
-    """(N,) the points (N, d), d = 2 or 3, in the order of the Morton curve through them."""
+    """(N,) the points (N, d), d = 2 or 3, in Morton order."""
     d = points.shape[1]
     low = points.min(axis=0, initial=0.0) if not len(points) else points.min(axis=0)
     extent = float((points.max(axis=0) - low).max()) if len(points) else 0.0

@@ -1,4 +1,4 @@
-"""The line problem, solved for many vertices at once (paper section 3.2, DESIGN section 2).
+"""The line problem, solved for many vertices at once (paper section 3.2; docs/design.md, "The line problem").
 
 Moving a vertex by λ along d, each corner of its ring has v(λ) = v0 + v1 λ and s(λ) = s0 + 2 s1 λ + s2 λ²,
 and its quality is Q = v^(2/d) / s. Instead of maximising min Q the largest badness
@@ -6,10 +6,10 @@ and its quality is Q = v^(2/d) / s. Instead of maximising min Q the largest badn
     B = s/v = 1/Q  in 2D,        B = s³/v² = 1/Q³  in 3D,
 
 is minimised: no roots or powers. On the interval where every v is positive each 1/Q is convex, so the
-largest B falls up to the solution and rises after it. A bracket [l, r] is kept with the corner that is worst
-at each end: a at l, where it falls, and b at r, where it rises. The minimum λ of the larger of these two is
-a lower bound on the badness that can be reached; when no other corner is worse at λ, it is the solution, and
-otherwise the worst corner there takes the place of a or b.
+largest B falls up to the solution and rises after it. A bracket [low, high] is kept with the corner that is
+worst at each end: a at low, where it falls, and b at high, where it rises. The minimum of the larger of these
+two, at some λ, is a lower bound on the badness that can be reached; when no other corner is worse at λ, it is
+the solution, and otherwise the worst corner there takes the place of a or b.
 
 Arrays have shape (K, n): K corners a ring (short rings repeat their last corner, which changes nothing), n
 vertices. The compiled engine does the same operations in the same order, vertex by vertex.
@@ -26,7 +26,7 @@ from dvr_cli.mesh.simplex import Components, cross, dot, opposite_normal, subtra
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
 
-GAIN = 1e-12  # relative growth of min Q below which a vertex is left where it is
+GAIN = 1e-12  # relative growth of min Q below which a vertex stays where it is
 ROUNDING = 1e-13  # bound on the relative rounding error of B, in units of sqrt(B) (3D) or B (2D)
 MAX_ROUNDS = 60  # exchanges of a bracket corner; about 3 are usual
 MAX_NEWTON = 60  # steps towards the crossing of two corners; about 5 are usual
@@ -50,7 +50,7 @@ class Lines:
         self.v0, self.v1, self.s0, self.s1 = self.terms
 
     def of(self, corner: np.ndarray) -> Lines:
-        """The lines of chosen corners of each vertex; corner is (n,) or (2, n), and so are they."""
+        """The lines of one or two corners of each vertex; corner is (n,) or (2, n), and so are they."""
         column = np.arange(corner.shape[-1])
         s2 = self.s2[corner, column] if len(self.s2) > 1 else self.s2[0]
         return Lines(self.terms[:, corner, column], s2, self.dimension)
@@ -202,7 +202,7 @@ def _exchange(
         at = np.where(start_here, 0.0, _inside(lines, low, high, low_corner, high_corner))
         all_badness = lines.badness(at)
     result, which = at.copy(), np.arange(len(at))
-    left, right, pair = low, high, np.stack([low_corner, high_corner])
+    pair = np.stack([low_corner, high_corner])
     bound = np.zeros(len(at))  # the larger badness of the bracket corners at ``at``
     for _ in range(MAX_ROUNDS):
         worst = all_badness.argmax(axis=0)
@@ -212,14 +212,14 @@ def _exchange(
             break
         if len(keep) < len(at):
             lines, pair = lines.taken(keep), pair[:, keep]
-            which, at, worst, left, right = (x[keep] for x in (which, at, worst, left, right))
+            which, at, worst, low, high = (x[keep] for x in (which, at, worst, low, high))
         falling = lines.of(worst).slope(at) < 0
-        left, right = np.where(falling, at, left), np.where(falling, right, at)
+        low, high = np.where(falling, at, low), np.where(falling, high, at)
         pair = np.where([falling, ~falling], worst, pair)
         two = lines.of(pair)
-        at = _lower_envelope(two, left, right)
+        at = _lower_envelope(two, low, high)
         result[which] = at
-        bound = np.where([left > -np.inf, right < np.inf], two.badness(at), 0.0).max(axis=0)
+        bound = np.where([low > -np.inf, high < np.inf], two.badness(at), 0.0).max(axis=0)
         all_badness = lines.badness(at)
     return result
 
@@ -237,21 +237,21 @@ def _inside(
     )
 
 
-def _lower_envelope(two: Lines, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """λ in [left, right] that minimises the larger B of corner a, falling at left, and b, rising at right.
+def _lower_envelope(two: Lines, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """λ in [low, high] that minimises the larger B of corner a, falling at low, and b, rising at high.
 
-    two: the lines of a and b, (2, n) each. Where left is -∞ there is no corner a, where right is ∞ no b.
+    two: the lines of a and b, (2, n) each. Where low is -∞ there is no corner a, where high is ∞ no b.
     """
     bottom = two.lowest()
     own, other = two.badness(bottom), two.badness(bottom[::-1])
-    no_a, no_b = left == -np.inf, right == np.inf
-    at_a = no_b | ((bottom[0] < right) & (other[1] <= own[0]))
-    at_b = no_a | ((bottom[1] > left) & (other[0] <= own[1]))
+    no_a, no_b = low == -np.inf, high == np.inf
+    at_a = no_b | ((bottom[0] < high) & (other[1] <= own[0]))
+    at_b = no_a | ((bottom[1] > low) & (other[0] <= own[1]))
     result = np.where(no_a, bottom[1], np.where(at_a, bottom[0], bottom[1]))
     cross = np.flatnonzero(~(at_a | at_b))
     if len(cross):
-        above = np.maximum(left, bottom[1])[cross]
-        below = np.minimum(right, bottom[0])[cross]
+        above = np.maximum(low, bottom[1])[cross]
+        below = np.minimum(high, bottom[0])[cross]
         result[cross] = _crossing(two.taken(cross), above, below)
     return result
 
@@ -259,7 +259,7 @@ def _lower_envelope(two: Lines, left: np.ndarray, right: np.ndarray) -> np.ndarr
 def _crossing(two: Lines, above: np.ndarray, below: np.ndarray) -> np.ndarray:
     """A λ at which a and b are equally bad, between ``above``, where a is worse, and ``below``, where b is.
 
-    Usually ``above`` is left of ``below``; it is not where both have their lowest points between crossings.
+    Usually ``above`` is less than ``below``; it is not where both have their lowest points between crossings.
     two: the lines of a and b, (2, n) each. Newton's method on h = t_a v_b - t_b v_a, whose sign is that of
     B_a - B_b, kept inside a shrinking bracket by bisection.
     """
@@ -291,7 +291,7 @@ def _crossing(two: Lines, above: np.ndarray, below: np.ndarray) -> np.ndarray:
 
 
 def improves(before: np.ndarray, after: np.ndarray, dimension: int) -> np.ndarray:
-    """Whether the largest badness of a ring fell so far that its min Q grew, whatever the rounding.
+    """True where the largest badness of a ring fell so far that its min Q grew, whatever the rounding.
 
     before, after: (n,) largest B of the ring, infinite where it is not all positive. The relative rounding
     error of v grows with the flatness of a corner, hence of B with sqrt(B) (3D) or B (2D): the margin covers
@@ -304,5 +304,5 @@ def improves(before: np.ndarray, after: np.ndarray, dimension: int) -> np.ndarra
 
 
 def flatness(b: np.ndarray, dimension: int) -> np.ndarray:
-    """What the relative rounding error of the badness b grows with; see ROUNDING."""
+    """The measure of b with which its relative rounding error grows; see ROUNDING."""
     return b if dimension == 2 else np.sqrt(b)

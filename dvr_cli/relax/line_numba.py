@@ -32,12 +32,12 @@ from dvr_cli.relax.line import GAIN, MAX_NEWTON, MAX_ROUNDS, NEARLY_CROSSED, ROU
 def relax_rings(
     points: np.ndarray,
     directions: np.ndarray,
-    first: int,
-    last: int,
+    start: int,
+    stop: int,
     rings: RingArrays,
     scratch: np.ndarray,
 ) -> int:
-    """Move the vertices of rings first .. last, which are independent, each to the best point of its line.
+    """Move the vertices of rings start .. stop, which are independent, each to the best point of its line.
 
     points: (N, d), changed in place; directions: (m, d); scratch: (ROWS, largest ring + WIDTH).
     Returns how many vertices moved.
@@ -45,7 +45,7 @@ def relax_rings(
     scratch[SHAPE] = -1.0
     d = points.shape[1]
     moved = 0
-    for ring in range(first, last):
+    for ring in range(start, stop):
         vertex = rings.vertices[ring]
         d0, d1, d2 = directions[ring, 0], directions[ring, 1], directions[ring, 2] if d == 3 else 0.0
         if d0 == 0.0 and d1 == 0.0 and d2 == 0.0:
@@ -129,27 +129,27 @@ def _exchange(
     d: int,
     at: float,
     worst: int,
-    left: float,
-    right: float,
+    low: float,
+    high: float,
     a: int,
     b: int,
 ) -> float:
     """λ by exchanging bracket corners, from ``at``, where ``worst`` is the worst; see ``line._exchange``."""
     bound = 0.0
-    bottom_a = _lowest(lines, a, d) if left > -np.inf else np.nan
-    bottom_b = _lowest(lines, b, d) if right < np.inf else np.nan
+    bottom_a = _lowest(lines, a, d) if low > -np.inf else np.nan
+    bottom_b = _lowest(lines, b, d) if high < np.inf else np.nan
     for _ in range(MAX_ROUNDS):
         if not bound * (1.0 + GAIN) < lines[BADNESS, worst] < np.inf:
             break
         if _falling(lines, worst, at, d):
-            left, a, bottom_a = at, worst, _lowest(lines, worst, d)
+            low, a, bottom_a = at, worst, _lowest(lines, worst, d)
         else:
-            right, b, bottom_b = at, worst, _lowest(lines, worst, d)
-        at = _lower_envelope(lines, a, b, left, right, bottom_a, bottom_b, d)
+            high, b, bottom_b = at, worst, _lowest(lines, worst, d)
+        at = _lower_envelope(lines, a, b, low, high, bottom_a, bottom_b, d)
         bound = 0.0
-        if left > -np.inf:
+        if low > -np.inf:
             bound = badness_at(lines, a, at, d)
-        if right < np.inf:
+        if high < np.inf:
             bound = max(bound, badness_at(lines, b, at, d))
         worst = worst_corner(lines, n, at, d)
     return at
@@ -172,21 +172,21 @@ def _lower_envelope(
     lines: np.ndarray,
     a: int,
     b: int,
-    left: float,
-    right: float,
+    low: float,
+    high: float,
     bottom_a: float,
     bottom_b: float,
     d: int,
 ) -> float:
-    if left == -np.inf:
+    if low == -np.inf:
         return bottom_b
-    if right == np.inf:
+    if high == np.inf:
         return bottom_a
-    if bottom_a < right and badness_at(lines, b, bottom_a, d) <= badness_at(lines, a, bottom_a, d):
+    if bottom_a < high and badness_at(lines, b, bottom_a, d) <= badness_at(lines, a, bottom_a, d):
         return bottom_a
-    if bottom_b > left and badness_at(lines, a, bottom_b, d) <= badness_at(lines, b, bottom_b, d):
+    if bottom_b > low and badness_at(lines, a, bottom_b, d) <= badness_at(lines, b, bottom_b, d):
         return bottom_b
-    return _crossing(lines, a, b, max(left, bottom_b), min(right, bottom_a), d)
+    return _crossing(lines, a, b, max(low, bottom_b), min(high, bottom_a), d)
 
 
 @inlined

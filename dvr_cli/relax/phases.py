@@ -8,7 +8,7 @@ from typing import Any
 
 from dvr_cli.relax.stopping import StopReason
 
-# What holds after every batch of a phase.
+# The guarantee of each phase: it holds after every batch.
 GUARANTEES = {
     "untangle": "there are never more inverted elements than in the input",
     "morph": "no element is inverted or degenerate after any substep",
@@ -20,7 +20,7 @@ GUARANTEES = {
 
 @dataclass(frozen=True)
 class Phase:
-    """What one phase did.
+    """The record of one phase.
 
     phase: its name, a key of GUARANTEES. sweeps: how many it made. stopped_because: why it ended.
     """
@@ -45,7 +45,9 @@ class Polished(Phase):
 
 @dataclass(frozen=True)
 class Untangled(Phase):
-    """A phase of untangling; rounds: what each did, see ``untangle.phase.Round``; left: see ``left_over``."""
+    """A phase of untangling; rounds: what each did, see ``untangle.phase.Round``; left:
+    the elements still tangled at the end, see ``untangle.causes.tangled_elements``.
+    """
 
     rounds: Sequence[Mapping[str, Any]]
     left: Mapping[str, int]

@@ -8,7 +8,7 @@ Newton's method, and by Newton's method again from outside to the end of the int
     (1/Q)' = u (s' - q s r),     (1/Q)'' = u (s'' - 2 q s' r + q (q + 1) s r²)
 
 Only + - * / and square roots are used, and sums run over the corners one after the other, so that
-``mean_kernel`` gets the same bits. Arrays have shape (K, n) as in ``line``; real marks the columns' own
+the compiled twin gets the same bits. Arrays have shape (K, n) as in ``line``; real marks the columns' own
 corners, as opposed to repetitions that fill short rings.
 """
 
@@ -24,11 +24,11 @@ from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.line import GAIN, ROUNDING, Lines, flatness
 from dvr_cli.relax.steepest import gradient, restrict
 
-SUM_GAIN = 1e-9  # relative fall of the sum below which a vertex is left where it is
+SUM_GAIN = 1e-9  # relative fall of the sum below which a vertex stays where it is
 CLOSE = 1e-4  # relative length of the last Newton step
 MAX_STEPS = 30  # Newton steps towards the lowest sum; about 4 are usual
 MAX_CLIPS = 30  # Newton steps towards the floor; about 4 are usual
-INSIDE = 1e-6  # how far above the floor, in relative badness, the line is left
+INSIDE = 1e-6  # how far above the floor, in relative badness, the search along a line ends
 CUBE_ROOT = 0x553EF0FF289DD796  # first guess of v^(-1/3): this less a third of the bits of v
 
 
@@ -95,7 +95,7 @@ def mean_ascent(
 def keeps(
     before: np.ndarray, after: np.ndarray, largest: np.ndarray, limit: float, dimension: int
 ) -> np.ndarray:
-    """Whether the sum fell while the largest badness stayed within the limit, whatever the rounding.
+    """True where the sum fell while the largest badness stayed within the limit, whatever the rounding.
 
     before, after: (n,) sums; largest: (n,) the badness after; for the margin see ``line.improves``.
     """

@@ -28,20 +28,20 @@ from dvr_cli.relax.steepest_numba import gradient, restrict
 def polish_rings(
     points: np.ndarray,
     directions: np.ndarray,
-    first: int,
-    last: int,
+    start: int,
+    stop: int,
     rings: RingArrays,
     limit: float,
     scratch: np.ndarray,
 ) -> int:
-    """Move the vertices of rings first .. last, each to where the sum of 1/Q is lowest above the floor.
+    """Move the vertices of rings start .. stop, each to where the sum of 1/Q is lowest above the floor.
 
     limit: the badness at the floor. The other arguments are as for ``relax_rings``. Returns how many moved.
     """
     scratch[SHAPE] = -1.0
     d = points.shape[1]
     moved = 0
-    for ring in range(first, last):
+    for ring in range(start, stop):
         vertex = rings.vertices[ring]
         d0, d1, d2 = directions[ring, 0], directions[ring, 1], directions[ring, 2] if d == 3 else 0.0
         n = set_ring(points, vertex, d0, d1, d2, ring, rings, scratch)
@@ -66,20 +66,20 @@ def polish_rings(
 def mean_directions(
     points: np.ndarray,
     directions: np.ndarray,
-    first: int,
-    last: int,
+    start: int,
+    stop: int,
     rings: RingArrays,
     on_line: np.ndarray,
     axis: np.ndarray,
     scratch: np.ndarray,
 ) -> None:
-    """Set the rows first .. last of ``directions`` to those along which their sums of 1/Q fall fastest.
+    """Set the rows start .. stop of ``directions`` to those along which their sums of 1/Q fall fastest.
 
     The arguments are as for ``steepest_directions``.
     """
     scratch[SHAPE] = -1.0
     d = points.shape[1]
-    for ring in range(first, last):
+    for ring in range(start, stop):
         vertex = rings.vertices[ring]
         directions[ring] = 0.0
         n = set_ring(points, vertex, 0.0, 0.0, 0.0, ring, rings, scratch)

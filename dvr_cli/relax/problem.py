@@ -1,7 +1,7 @@
 """The relaxation problem: which vertices move, the corners around them, and the schedule of a sweep.
 
-This is what the engines work on. It knows neither files nor directions. Vertices are renumbered along a
-space-filling curve, and rings are stored in the order in which a sweep visits them, so that what is used
+This is what the engines work on. It knows neither files nor directions. Vertices are renumbered in
+Morton order, and rings are stored in the order in which a sweep visits them, so that what is used
 together lies together in memory.
 """
 
@@ -62,29 +62,29 @@ def build_problem(
     computes; freedom: how far they may move, by default anywhere.
     """
     n_points = len(points)
-    in_order = morton_order(points)
+    morton = morton_order(points)
     number = np.empty(n_points, dtype=np.int32)
-    number[in_order] = np.arange(n_points)
+    number[morton] = np.arange(n_points)
     moves = np.zeros(n_points, dtype=bool)
     moves[relaxed] = True
     vertices, shapes, touched_ids = backend.twin(touched_corners)(
         corners.vertices, corners.shapes, moves, number
     )
     touched = Simplices(vertices, shapes)
-    moving = moves[in_order]
+    moving = moves[morton]
     incidence = incidence_of(touched, np.flatnonzero(moving), n_points, backend)
     natural = (np.cumsum(moving) - 1)[number[relaxed]]
     split = batches(incidence, order, seed, backend, natural)
     sequence = np.concatenate([np.empty(0, dtype=np.int64), *split])
     rings = incidence.rings(touched, sequence, backend)
     return Problem(
-        order=in_order,
+        order=morton,
         rings=rings,
         batch_start=np.concatenate([[0], np.cumsum([len(part) for part in split], dtype=np.int64)]),
         touched=touched,
         touched_ids=touched_ids,
         dimension=corners.dimension,
-        freedom=_of_rings(freedom, in_order[rings.vertices]),
+        freedom=_of_rings(freedom, morton[rings.vertices]),
     )
 
 

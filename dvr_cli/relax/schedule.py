@@ -1,4 +1,4 @@
-"""The schedule: which vertices may be updated together, and in what sequence (DESIGN "Independence").
+"""The schedule: batches of vertices that may be updated together (docs/design.md, "Batches").
 
 Two relaxed vertices depend on each other when they share a corner. A batch holds independent vertices only;
 updating it at once gives what updating its vertices one after the other would.
@@ -97,9 +97,9 @@ def colours(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence
     neighbours = members[corner]  # with repetitions and the vertex itself: no harm below
     colour = np.full(m + 1, -1)  # the last entry stands for neighbours that are not relaxed
     for ready in _level_sets(start, neighbours, sequence):
-        entries, begin = row_entries(start, ready)
+        entries, ready_start = row_entries(start, ready)
         taken = colour[neighbours[entries]]
-        row = np.repeat(np.arange(len(ready)), np.diff(begin))
+        row = np.repeat(np.arange(len(ready)), np.diff(ready_start))
         pending, base = np.arange(len(ready)), 0
         while len(pending):
             shift = taken - base

@@ -44,10 +44,10 @@ def colours(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence
 
 
 @compiled
-def _first_free(first: int, last: int, corner: np.ndarray, members: np.ndarray, colour: np.ndarray) -> int:
+def _first_free(start: int, stop: int, corner: np.ndarray, members: np.ndarray, colour: np.ndarray) -> int:
     """The first colour that none of the vertices of the corners of these entries has."""
-    taken = np.zeros((last - first) * members.shape[1] + 1, dtype=np.bool_)
-    for entry in range(first, last):
+    taken = np.zeros((stop - start) * members.shape[1] + 1, dtype=np.bool_)
+    for entry in range(start, stop):
         for neighbour in members[corner[entry]]:
             if neighbour >= 0 and 0 <= colour[neighbour] < len(taken):
                 taken[colour[neighbour]] = True

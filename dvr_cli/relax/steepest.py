@@ -7,7 +7,7 @@ once. Where the hull contains zero there is no such direction: but for the width
 count as nearly worst, the vertex is at the optimum over all of its line, plane or space, of which there is
 one only, since each 1/Q is jointly convex in the position (paper Remark 4.8).
 
-Arrays have shape (K, n) as in ``line``; ``steepest_kernel`` does the same operations vertex by vertex.
+Arrays have shape (K, n) as in ``line``; the compiled twin does the same operations vertex by vertex.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ VANISHING = (
 
 @dataclass(frozen=True)
 class Ascent:
-    """How often vertices move along directions of steepest ascent in one sweep.
+    """The number and kind of moves along directions of steepest ascent in one sweep.
 
     bands: corners are nearly worst when their 1/Q is at least (1 - band) of the largest.
     searches: line searches with each band at most; a vertex leaves off where the hull contains zero.
@@ -112,20 +112,20 @@ def restrict(vectors: Components, within: tuple[np.ndarray, Components]) -> list
     return [np.where(on_line, along * a, g - along * a) for g, a in zip(vectors, axis, strict=True)]
 
 
-def _shortest_in_hull(vectors: Components, active: np.ndarray, first: np.ndarray) -> list[np.ndarray]:
+def _shortest_in_hull(vectors: Components, active: np.ndarray, initial: np.ndarray) -> list[np.ndarray]:
     """Minus the shortest vector in the hull of the active ones of ``vectors``, of unit length; zero if it is.
 
-    vectors: d components (K, n); active: (K, n); first: (n,) the one to begin with, zero if not active.
+    vectors: d components (K, n); active: (K, n); initial: (n,) the one to begin with, zero if not active.
     The method of Mitchell, Demyanov and Malozemov: a convex combination of the vectors gets shorter as weight
     goes from the vector furthest along it to the one least along it, until that is far enough along itself.
     """
     n = active.shape[1]
     result = [np.zeros(n) for _ in vectors]
     which = columns = np.arange(n)
-    x = [np.where(active[first, columns], g[first, columns], 0.0) for g in vectors]
+    x = [np.where(active[initial, columns], g[initial, columns], 0.0) for g in vectors]
     size = dot(x, x)
     weight = np.zeros(active.shape)
-    weight[first, columns] = 1.0
+    weight[initial, columns] = 1.0
     for _ in range(MAX_TRANSFERS):
         along = dot(vectors, x)
         least = np.where(active, along, np.inf).argmin(axis=0)

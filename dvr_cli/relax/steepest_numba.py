@@ -27,15 +27,15 @@ from dvr_cli.relax.steepest import MAX_TRANSFERS, SHORTEST, VANISHING
 def steepest_directions(
     points: np.ndarray,
     directions: np.ndarray,
-    first: int,
-    last: int,
+    start: int,
+    stop: int,
     rings: RingArrays,
     on_line: np.ndarray,
     axis: np.ndarray,
     band: float,
     scratch: np.ndarray,
 ) -> None:
-    """Set the rows first .. last of ``directions`` (m, d) to those of steepest ascent of their rings.
+    """Set the rows start .. stop of ``directions`` (m, d) to those of steepest ascent of their rings.
 
     on_line, axis: (m,) and (m, d), see ``steepest.restrict``; empty where all vertices move anywhere.
     The other arrays are as for ``relax_rings``.
@@ -44,12 +44,12 @@ def steepest_directions(
     d = points.shape[1]
     keep = 1.0 - band
     keep = keep if d == 2 else keep * keep * keep
-    for ring in range(first, last):
+    for ring in range(start, stop):
         vertex = rings.vertices[ring]
         n = set_ring(points, vertex, 0.0, 0.0, 0.0, ring, rings, scratch)
         worst = worst_corner(scratch, n, 0.0, d)
         largest = scratch[BADNESS, worst]
-        count, begin = 0, -1
+        count, initial = 0, -1
         for c in range(n):
             if scratch[BADNESS, c] >= largest * keep:
                 if largest < np.inf:
@@ -60,9 +60,9 @@ def steepest_directions(
                     restrict(on_line[ring], axis, ring, d, scratch, count)
                 if _size(scratch, count, d) < np.inf:
                     if c == worst:
-                        begin = count
+                        initial = count
                     count += 1
-        _shortest_in_hull(directions, ring, begin, count, d, scratch)
+        _shortest_in_hull(directions, ring, initial, count, d, scratch)
 
 
 @inlined
@@ -89,7 +89,7 @@ def _raising(c: int, d: int, scratch: np.ndarray, to: int) -> None:
 
 @inlined
 def restrict(on_line: bool, axis: np.ndarray, ring: int, d: int, scratch: np.ndarray, k: int) -> None:
-    """Leave of the gradient in column k the part that the ring's vertex is free to follow."""
+    """Reduce the gradient in column k to the part that the ring's vertex is free to follow."""
     along = scratch[GRADIENT, k] * axis[ring, 0]
     for i in range(1, d):
         along = along + scratch[GRADIENT + i, k] * axis[ring, i]
@@ -100,18 +100,18 @@ def restrict(on_line: bool, axis: np.ndarray, ring: int, d: int, scratch: np.nda
 
 @inlined
 def _shortest_in_hull(
-    directions: np.ndarray, row: int, first: int, n: int, d: int, scratch: np.ndarray
+    directions: np.ndarray, row: int, initial: int, n: int, d: int, scratch: np.ndarray
 ) -> None:
     """Put minus the shortest vector in the hull of n gradients, of unit length, into a row of ``directions``.
 
     The row is zero if that vector is. See ``steepest._shortest_in_hull``; the row holds the vector meanwhile.
     """
     for i in range(d):
-        directions[row, i] = scratch[GRADIENT + i, first] if first >= 0 else 0.0
+        directions[row, i] = scratch[GRADIENT + i, initial] if initial >= 0 else 0.0
     size = _length(directions, row, d)
     for k in range(n):
         scratch[WEIGHT, k] = 0.0
-    scratch[WEIGHT, first] = 1.0
+    scratch[WEIGHT, initial] = 1.0
     for _ in range(MAX_TRANSFERS):
         least = most = -1
         for k in range(n):

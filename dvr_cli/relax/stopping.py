@@ -1,4 +1,4 @@
-"""When to stop sweeping (paper section 4.5)."""
+"""Criteria to stop sweeping (paper section 4.5), and the reasons for which phases end."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dvr_cli.options import check_fields, default
 
 
 class StopReason(StrEnum):
-    """Why a phase or a run ended; the values are those of ``stopped_because`` in reports."""
+    """The reason for which a phase or a run ended; the values are those of ``stopped_because`` in reports."""
 
     CONVERGED = "converged"
     MAX_ITERATIONS = "max-iterations"
@@ -19,8 +19,8 @@ class StopReason(StrEnum):
     TIME_LIMIT = "time-limit"
     INTERRUPTED = "interrupted"
     NOTHING_TO_RELAX = "nothing-to-relax"
-    ROUNDING = "rounding"  # which would undo what there is to gain: the mesh was left as it was
-    DEVIATION = "deviation"  # the boundary came too far from the input's: the mesh was left as it was
+    ROUNDING = "rounding"  # which would undo what there is to gain: the mesh stayed as it was
+    DEVIATION = "deviation"  # the boundary came too far from the input's: the mesh stayed as it was
     UNDONE = "undone"  # a phase whose result was not kept
     UNTANGLED = "untangled"
     STUCK = "stuck"  # elements remain inverted
@@ -28,12 +28,12 @@ class StopReason(StrEnum):
 
     @property
     def cuts_short(self) -> bool:
-        """Whether it ends a phase from outside, in the middle of a sweep."""
+        """True if it ends a phase from outside, in the middle of a sweep."""
         return self in (StopReason.INTERRUPTED, StopReason.TIME_LIMIT)
 
     @property
     def is_final(self) -> bool:
-        """Whether no phase follows."""
+        """True if no phase follows."""
         return self.cuts_short or self in (StopReason.NOTHING_TO_RELAX, StopReason.DEVIATION)
 
 
@@ -66,7 +66,7 @@ class Stopping:
         )
 
     def reason(self, q1: Sequence[float], seconds: float) -> StopReason | None:
-        """Why to stop now, or None; q1 holds Q1 of the input and after each sweep so far."""
+        """The reason to stop now, or None; q1 holds Q1 of the input and after each sweep so far."""
         if self.target is not None and q1[-1] >= self.target:
             return StopReason.TARGET
         growth = [after - before for before, after in pairwise(q1)][-self.patience :]

@@ -20,7 +20,7 @@ from dvr_cli.relax.surface.projection import Projection
 
 @dataclass(frozen=True)
 class Sweep:
-    """What one sweep did: its number from 1, its phase, Q1 after it, vertices moved, seconds taken.
+    """One sweep: its number from 1, its phase, Q1 after it, vertices moved, seconds taken.
 
     mean: after a sweep of polishing, the mean quality of the corners with a relaxed vertex.
     """
@@ -58,23 +58,23 @@ def relax(
     """
     if not len(engine.problem.relaxed) and projection is None:
         return Relaxation(points, [], StopReason.NOTHING_TO_RELAX)
-    begin = time.perf_counter()
+    start = time.perf_counter()
     engine.load(points)
     history = [_q1(engine, projection)]
     sweeps: list[Sweep] = []
-    while (reason := stopping.reason(history, time.perf_counter() - begin)) is None:
-        start = time.perf_counter()
+    while (reason := stopping.reason(history, time.perf_counter() - start)) is None:
+        sweep_start = time.perf_counter()
         moved = 0
         for number in _updates(engine, projection, field, len(sweeps)):
             moved += number
-            if (cut := cut_short(begin, stopping, interrupted)) is not None:
+            if (cut := cut_short(start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
         history.append(_q1(engine, projection))
-        sweeps.append(Sweep(len(sweeps) + 1, "relax", history[-1], moved, time.perf_counter() - start))
+        sweeps.append(Sweep(len(sweeps) + 1, "relax", history[-1], moved, time.perf_counter() - sweep_start))
         if on_sweep is not None:
             on_sweep(sweeps[-1])
     if not sweeps:  # what ended untangling early is then the reason
-        reason = cut_short(begin, stopping, interrupted) or reason
+        reason = cut_short(start, stopping, interrupted) or reason
     return Relaxation(engine.points, sweeps, reason)
 
 
@@ -93,19 +93,19 @@ def polish(
     max_iterations and time_limit. done: how many sweeps came before. on_sweep, interrupted: see ``relax``.
     """
     limit = badness_of(floor, engine.problem.dimension)
-    begin = time.perf_counter()
+    start = time.perf_counter()
     mean = float(engine.qualities().mean())
     sweeps: list[Sweep] = []
     while len(sweeps) < stopping.max_iterations:
-        start = time.perf_counter()
+        sweep_start = time.perf_counter()
         moved = 0
         for batch in range(engine.batches):
             moved += engine.polish_batch(batch, engine.mean_ascent(batch), limit)
-            if (cut := cut_short(begin, stopping, interrupted)) is not None:
+            if (cut := cut_short(start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
         qualities = engine.qualities()
         growth, mean = float(qualities.mean()) - mean, float(qualities.mean())
-        seconds = time.perf_counter() - start
+        seconds = time.perf_counter() - sweep_start
         sweeps.append(Sweep(done + len(sweeps) + 1, "polish", float(qualities.min()), moved, seconds, mean))
         if on_sweep is not None:
             on_sweep(sweeps[-1])
@@ -114,11 +114,11 @@ def polish(
     return Relaxation(engine.points, sweeps, StopReason.MAX_ITERATIONS)
 
 
-def cut_short(begin: float, stopping: Stopping, interrupted: Callable[[], bool]) -> StopReason | None:
-    """Why to stop in the middle of a sweep, or None."""
+def cut_short(start: float, stopping: Stopping, interrupted: Callable[[], bool]) -> StopReason | None:
+    """The reason to stop in the middle of a sweep, or None; start: when the phase began, in seconds."""
     if interrupted():
         return StopReason.INTERRUPTED
-    if stopping.time_limit is not None and time.perf_counter() - begin >= stopping.time_limit:
+    if stopping.time_limit is not None and time.perf_counter() - start >= stopping.time_limit:
         return StopReason.TIME_LIMIT
     return None
 

@@ -1,4 +1,4 @@
-"""Which engine to take."""
+"""The kinds of engine, and the choice among them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class EngineKind:
 
     @property
     def is_installed(self) -> bool:
-        """Whether what it needs is there."""
+        """True if what it needs is there."""
         return self.package is None or find_spec(self.package) is not None
 
     def threads(self, asked: int | None) -> int:
@@ -64,7 +64,7 @@ ENGINES = ("auto", *KINDS)
 
 
 def has_numba() -> bool:
-    """Whether the compiled engine is installed."""
+    """True if the compiled engine is installed."""
     return KINDS[COMPILED.name].is_installed
 
 

@@ -1,4 +1,4 @@
-"""What all engines have in common."""
+"""The interface of an engine, and what all engines share."""
 
 from __future__ import annotations
 
@@ -61,8 +61,8 @@ class Engine(ABC):
             return np.inf
         corner, badness = self._worst_corner()
         # where corners are not positive their badness does not order them
-        chosen = slice(corner, corner + 1) if badness < np.inf else slice(None)
-        return float(corner_qualities(self._get(), touched.part(chosen)).min())
+        candidates = slice(corner, corner + 1) if badness < np.inf else slice(None)
+        return float(corner_qualities(self._get(), touched.part(candidates)).min())
 
     def qualities(self) -> np.ndarray:
         """(C,) quality of each corner with a relaxed vertex."""
@@ -99,7 +99,7 @@ class Engine(ABC):
         return self._inside(batch, self._mean_ascent(batch))
 
     def _inside(self, batch: int, directions: np.ndarray) -> np.ndarray:
-        """Clear the batch's directions of what rounding has left across lines and planes."""
+        """Remove from the batch's directions their parts across lines and planes, which rounding has made."""
         freedom = self.problem.freedom
         if freedom is not None:
             lo, hi = self.problem.batch_start[batch : batch + 2].tolist()

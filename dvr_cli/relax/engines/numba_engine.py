@@ -68,7 +68,7 @@ class NumbaEngine(Engine):
         return sum(self._run(polish_rings, batch, directions, limit))
 
     def _run(self, kernel: Callable[..., Any], batch: int, directions: np.ndarray, *more: Any) -> list[Any]:
-        """What a kernel returns for the rings of a batch, part by part; more: its own arguments."""
+        """The results of a kernel for the rings of a batch, part by part; more: its own arguments."""
 
         def part(lo: int, hi: int) -> Any:
             scratch = np.zeros((ROWS, self._largest_ring + WIDTH))

@@ -65,7 +65,7 @@ class NumpyEngine(Engine):
         return sum(self._polish_chunk(chunk, directions, limit) for chunk in self._batches[batch])
 
     def _within(self, chunk: RingChunk) -> tuple[np.ndarray, list[np.ndarray]] | None:
-        """What the chunk's vertices are free to follow; see ``steepest.restrict``."""
+        """The lines and planes of the chunk's vertices, as ``steepest.restrict`` takes them."""
         freedom = self.problem.freedom
         if freedom is None:
             return None
@@ -90,7 +90,7 @@ class NumpyEngine(Engine):
         moving = np.flatnonzero(step != 0.0)
         if not len(moving):
             return 0
-        target, v, s = self._measured(x, direction, step, ends, norm, moving)
+        target, v, s = self._at_target(x, direction, step, ends, norm, moving)
         with np.errstate(all="ignore"):
             after = badness(v, s, self._dimension).max(axis=0)
         better = improves(before[moving], after, self._dimension)
@@ -104,14 +104,14 @@ class NumpyEngine(Engine):
         moving = np.flatnonzero(step != 0.0)
         if not len(moving):
             return 0
-        target, v, s = self._measured(x, direction, step, ends, norm, moving)
+        target, v, s = self._at_target(x, direction, step, ends, norm, moving)
         with np.errstate(all="ignore"):
             largest = badness(v, s, self._dimension).max(axis=0)
             after = sum_of_inverses(v, s, chunk.real[:, moving], self._dimension)
         better = keeps(before[moving], after, largest, limit, self._dimension)
         return self._move(chunk, moving, target, better)
 
-    def _measured(
+    def _at_target(
         self,
         x: Components,
         direction: Components,
@@ -120,7 +120,7 @@ class NumpyEngine(Engine):
         norm: Sequence[np.ndarray],
         moving: np.ndarray,
     ) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
-        """Where some of a chunk's vertices would go, as rounded, and v and s of their corners there."""
+        """The targets of a chunk's vertices ``moving``, as rounded, and v and s of their corners there."""
         target = [xi[moving] + step[moving] * di[moving] for xi, di in zip(x, direction, strict=True)]
         ends = [[component[:, moving] for component in end] for end in ends]
         edges = [subtract(end, target) for end in ends]

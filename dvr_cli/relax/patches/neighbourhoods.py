@@ -43,7 +43,7 @@ class Patches:
 
 
 class Neighbourhoods:
-    """Which relaxed vertices and touched corners surround a corner."""
+    """The relaxed vertices and touched corners around each touched corner."""
 
     def __init__(self, problem: Problem, backend: Backend = NUMPY) -> None:
         """problem: whose touched corners are meant. backend: what computes; the result is the same."""
@@ -59,9 +59,9 @@ class Neighbourhoods:
         layers: (C,) how many to free around each touched corner, beside its own vertices.
         """
         parts = self._backend.twin(choose)(seeds, layers, ROUND, self._relaxed, self._start, self._incident)
-        chosen, freed_start, freed, corner_start, corners = parts
+        taken, freed_start, freed, corner_start, corners = parts
         return Patches(
-            seeds=chosen,
+            seeds=taken,
             freed_start=freed_start,
             freed=self._vertices[freed],
             corner_start=corner_start,
@@ -85,7 +85,7 @@ def choose(
     vertices of each corner by number, or -1; start, incident: the corners of each.
     """
     claimed = np.zeros(len(relaxed), dtype=bool)
-    chosen: list[int] = []
+    taken: list[int] = []
     freed, corners = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
     for seed in seeds.tolist():
         if claimed[seed]:
@@ -98,10 +98,10 @@ def choose(
         if claimed[around].any():
             continue
         claimed[around] = True
-        chosen.append(seed)
+        taken.append(seed)
         freed.append(vertices)
         corners.append(around)
-        if len(chosen) == most:
+        if len(taken) == most:
             break
     starts = [np.cumsum([len(part) for part in parts]) for parts in (freed, corners)]
-    return np.array(chosen), starts[0], np.concatenate(freed), starts[1], np.concatenate(corners)
+    return np.array(taken), starts[0], np.concatenate(freed), starts[1], np.concatenate(corners)

@@ -22,7 +22,7 @@ def choose(
     seen_corner = np.full(len(relaxed), -1, dtype=np.int32)
     freed, corners = np.empty(len(start), dtype=np.int64), np.empty(len(relaxed), dtype=np.int64)
     freed_start, corner_start = np.zeros(most + 1, dtype=np.int64), np.zeros(most + 1, dtype=np.int64)
-    chosen = np.empty(most, dtype=np.int64)
+    taken = np.empty(most, dtype=np.int64)
     n = 0
     for number, seed in enumerate(seeds):
         if n == most:
@@ -62,11 +62,11 @@ def choose(
         freed[freed_start[n] : vertex_end].sort()
         corners[corner_start[n] : corner_end].sort()
         claimed[corners[corner_start[n] : corner_end]] = True
-        chosen[n] = seed
+        taken[n] = seed
         n += 1
         freed_start[n], corner_start[n] = vertex_end, corner_end
     return (
-        chosen[:n],
+        taken[:n],
         freed_start[: n + 1],
         freed[: freed_start[n]],
         corner_start[: n + 1],

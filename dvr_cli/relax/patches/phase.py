@@ -49,7 +49,7 @@ def relax_patches(
     many sweeps came before. on_sweep: called after each round. interrupted: asked before each patch; when
     true the mesh reached is the result. Every intermediate mesh is valid and no worse.
     """
-    problem, begin = engine.problem, time.perf_counter()
+    problem, start = engine.problem, time.perf_counter()
     if not len(problem.relaxed):
         return Relaxation(engine.points, [], StopReason.NOTHING_TO_RELAX)
     state = _State(problem, engine.coordinates)
@@ -59,22 +59,22 @@ def relax_patches(
 
     def solved(patches: Patches, patch: int) -> tuple[float, float]:
         """Largest badness of a patch before and after; the same if it is time to stop."""
-        if cut_short(begin, stopping, interrupted):
+        if cut_short(start, stopping, interrupted):
             return 1.0, 1.0
         return solve(state.points, *patches.of(patch), state.slot, *state.rules)
 
     with ThreadPoolExecutor(engine.threads) as pool:
         each = pool.map if engine.threads > 1 else map
-        while (reason := cut_short(begin, stopping, interrupted) or state.done(stopping.target)) is None:
+        while (reason := cut_short(start, stopping, interrupted) or state.done(stopping.target)) is None:
             if len(rounds) == stopping.max_iterations:
                 reason = StopReason.MAX_ITERATIONS
                 break
-            start = time.perf_counter()
+            round_start = time.perf_counter()
             patches = neighbourhoods.choose(state.worst(), state.layers)
             state.enter(patches)
             results = each(partial(solved, patches), range(len(patches)))
             moved = state.leave(patches, np.array(list(results)))
-            number, seconds = done + len(rounds) + 1, time.perf_counter() - start
+            number, seconds = done + len(rounds) + 1, time.perf_counter() - round_start
             rounds.append(Sweep(number, "patches", state.q1, moved, seconds))
             if on_sweep is not None:
                 on_sweep(rounds[-1])
@@ -82,8 +82,8 @@ def relax_patches(
 
 
 class _State:
-    """What has been reached and tried: the engine's coordinates, changed in place, the quality of each
-    touched corner, and how many layers were freed around it.
+    """The state of the phase: the engine's coordinates, changed in place, the quality of each touched
+    corner, and how many layers are to be freed around it.
     """
 
     def __init__(self, problem: Problem, points: np.ndarray) -> None:
@@ -94,7 +94,7 @@ class _State:
         if problem.freedom is not None:
             freedom.dimension[problem.rings.vertices] = problem.freedom.dimension
             freedom.axis[problem.rings.vertices] = problem.freedom.axis
-        # what ``solve_patch`` needs beside the patch: the shape table, and each vertex's freedom
+        # the arguments of ``solve_patch`` beside the patch: the shape table, and each vertex's freedom
         self.rules = SHAPES[d].norm, freedom.dimension, freedom.axis
         self.quality = corner_qualities(self.points, self._touched)
         self.layers = np.ones(len(self.quality), dtype=np.int64)  # to be freed around each corner
@@ -105,7 +105,7 @@ class _State:
         return float(self.quality.min())
 
     def done(self, target: float | None) -> StopReason | None:
-        """Why there is nothing left to do: Q1 has reached the target, or every layer was tried around it."""
+        """The reason to end, or None: Q1 is at the target, or every layer was tried around its corner."""
         if target is not None and self.q1 >= target:
             return StopReason.TARGET
         return StopReason.CONVERGED if self.layers[self.quality.argmin()] > LAYERS else None
@@ -124,7 +124,7 @@ class _State:
             self.slot[freed] = np.arange(len(freed))
 
     def leave(self, patches: Patches, badness: np.ndarray) -> int:
-        """Take note of what solving brought; returns how many vertices moved.
+        """Record the result of solving these patches; returns how many vertices moved.
 
         badness: (P, 2) largest of each patch before and after.
         """

@@ -27,7 +27,7 @@ HALVINGS = 12  # of a step that does not descend enough, before giving up
 DECREASE = 1e-4  # part of the descent that the slope promises which a step has to make (Armijo)
 FIRST_STEP = 0.02  # largest move in the first iteration for one k, in units of the mean edge length
 FLAT = 1e-5  # relative descent of f in an iteration below which it is the next k's turn
-NEGLIGIBLE = 1e-12  # share of a corner in Σ r^k below which its gradient is left out
+NEGLIGIBLE = 1e-12  # share of a corner in Σ r^k below which its gradient does not count
 
 # For each edge of a corner the other edges, and where the coefficient of their product stands in the norm.
 _PRODUCTS = {2: (((1, 2),), ((0, 2),)), 3: (((1, 3), (2, 4)), ((0, 3), (2, 5)), ((0, 4), (1, 5)))}
@@ -120,10 +120,10 @@ class PatchEnergy:
 
         ∇f = f Σ_c share_c ∇B_c / B_c with ∇B/B = ∇s/s - ∇v/v in 2D and 3 ∇s/s - 2 ∇v/v in 3D.
         """
-        chosen = np.flatnonzero(~(share < NEGLIGIBLE))
-        weight = share[chosen] * f
-        norm = self._norm[:, chosen]
-        edges, _ = edges_and_determinant(self.points, self._vertices[chosen])
+        heavy = np.flatnonzero(~(share < NEGLIGIBLE))
+        weight = share[heavy] * f
+        norm = self._norm[:, heavy]
+        edges, _ = edges_and_determinant(self.points, self._vertices[heavy])
         d = len(edges)
         if d == 2:
             e, h = edges
@@ -143,7 +143,7 @@ class PatchEnergy:
         to_s, to_v = 2.0 * weight / twice_s, weight / v
         if d == 3:
             to_s, to_v = 3.0 * to_s, 2.0 * to_v
-        slots, n = self._slots[chosen].ravel(), len(self.moving)
+        slots, n = self._slots[heavy].ravel(), len(self.moving)
         g = np.empty((n, d))
         for i in range(d):
             part = np.stack([to_s * along[j][i] - to_v * normals[j][i] for j in range(d)], axis=1)

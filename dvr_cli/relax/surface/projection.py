@@ -41,7 +41,7 @@ class Projection:
         self,
         corners: Corners,
         points: np.ndarray,
-        curved: SmoothParts,
+        parts: SmoothParts,
         field: DirectionField,
         limit: float,
         order: str = "coloured",
@@ -53,15 +53,15 @@ class Projection:
         order, seed: as for ``build_problem``, which numbers the vertices as it does for the engines.
         """
         self._input = points
-        self._curved = curved
+        self._parts = parts
         self._field = field
         self._limit = limit
-        self.problem = problem = build_problem(corners, curved.projected, points, order, seed)
+        self.problem = problem = build_problem(corners, parts.projected, points, order, seed)
         self._is_surface = points.shape[1] > corners.dimension
         number = np.empty(len(points), dtype=np.int64)
         number[problem.order] = np.arange(len(points))
         self._on_curve = np.zeros(len(points), dtype=bool)
-        self._on_curve[number[curved.on_curve]] = True
+        self._on_curve[number[parts.on_curve]] = True
         self.inverted = np.zeros(len(corners.vertices), dtype=bool)
         if self._is_surface:
             self.inverted = turned_over(points, corners, cell_normals(points, corners))
@@ -70,14 +70,14 @@ class Projection:
             position, _ = group(ring[problem.touched.vertices.ravel()], len(problem.rings.vertices))
             self._corner = problem.touched_ids[position // 3]  # of each entry of the rings
             cell = np.repeat(np.arange(len(corners.start) - 1), np.diff(corners.start))
-            self._triangle = np.searchsorted(curved.facet, cell)  # one each corner's cell is cut in
-        start = points[problem.order]
-        self._surface = Track(start, number[curved.triangles], curved.patch, number[curved.on_patch])
-        self._curve = Track(start, number[curved.segments], curved.curve, number[curved.on_curve])
+            self._triangle = np.searchsorted(parts.facet, cell)  # one each corner's cell is cut in
+        places = points[problem.order]
+        self._surface = Track(places, number[parts.triangles], parts.patch, number[parts.on_patch])
+        self._curve = Track(places, number[parts.segments], parts.curve, number[parts.on_curve])
         self._at = np.zeros(len(points), dtype=np.int64)  # the input simplex that each vertex is on
-        for track, moving in ((self._surface, curved.on_patch), (self._curve, curved.on_curve)):
-            facets, begin = track.star(number[moving])
-            self._at[number[moving]] = facets[begin[:-1]]
+        for track, moving in ((self._surface, parts.on_patch), (self._curve, parts.on_curve)):
+            facets, start = track.star(number[moving])
+            self._at[number[moving]] = facets[start[:-1]]
         self._batches = [list(ring_chunks(problem, lo, hi)) for lo, hi in pairwise(problem.batch_start)]
 
     def sweep(self, sweep: int, points: np.ndarray) -> Iterator[int]:
@@ -109,35 +109,35 @@ class Projection:
         corner = self._corners_of(chunk)
         lines = self._lines(x, along, ends, chunk.shapes, corner)
         step, before = maximise_minimum(lines)
-        left = np.flatnonzero(step != 0.0)
+        rest = np.flatnonzero(step != 0.0)
         moved = 0
         for _ in range(_TRIES):
-            if not len(left):
+            if not len(rest):
                 break
-            target, simplex = self._projected(vertices[left], x[left] + step[left, None] * along[left])
-            here = [[component[:, left] for component in end] for end in ends]
-            shapes = chunk.shapes[:, left] if chunk.shapes.size > 1 else chunk.shapes
+            target, simplex = self._projected(vertices[rest], x[rest] + step[rest, None] * along[rest])
+            here = [[component[:, rest] for component in end] for end in ends]
+            shapes = chunk.shapes[:, rest] if chunk.shapes.size > 1 else chunk.shapes
             after = self._largest_badness(target, here, shapes)
-            good = np.flatnonzero(improves(before[left], after, self.problem.dimension))
+            good = np.flatnonzero(improves(before[rest], after, self.problem.dimension))
             here = [[component[:, good] for component in end] for end in here]
-            good = good[self._upright(target[good], here, corner[:, left[good]])]
-            probes = self._probes(points, vertices[left[good]], target[good])
+            good = good[self._upright(target[good], here, corner[:, rest[good]])]
+            probes = self._probes(points, vertices[rest[good]], target[good])
             apart = np.zeros(len(good))
             for rows, _, probe in probes:
                 apart[rows] = np.maximum(apart[rows], probe.apart)
             near = apart <= self._limit
             for rows, track, probe in probes:
                 track.accept(probe, near[rows])
-            factor = np.full(len(left), 0.5)
+            factor = np.full(len(rest), 0.5)
             far = good[~near]
             factor[far] = np.clip(self._limit / apart[~near], 0.1, 0.5)
             good = good[near]
-            points[vertices[left[good]]] = target[good]
-            self._at[vertices[left[good]]] = simplex[good]
-            self.inverted[corner[:, left[good]]] = False
+            points[vertices[rest[good]]] = target[good]
+            self._at[vertices[rest[good]]] = simplex[good]
+            self.inverted[corner[:, rest[good]]] = False
             moved += len(good)
-            step[left] *= factor
-            left = np.delete(left, good)
+            step[rest] *= factor
+            rest = np.delete(rest, good)
         return moved
 
     def _corners_of(self, chunk: RingChunk) -> np.ndarray:
@@ -155,22 +155,22 @@ class Projection:
         axis = np.zeros_like(directions)
         curve = self._on_curve[vertices]
         for rows, track in ((~curve, self._surface), (curve, self._curve)):
-            facets, begin = track.star(vertices[rows])
+            facets, start = track.star(vertices[rows])
             if not len(facets):
                 continue
             a, *others = (points[corner] for corner in track.facets[facets].T)
             if len(others) == 2:
                 around = np.cross(others[0] - a, others[1] - a)
                 # facets within the mesh are stored either way round
-                first = np.repeat(around[begin[:-1]], np.diff(begin), axis=0)
-                around[(around * first).sum(axis=1) < 0.0] *= -1.0
+                reference = np.repeat(around[start[:-1]], np.diff(start), axis=0)
+                around[(around * reference).sum(axis=1) < 0.0] *= -1.0
             else:
                 around = unit(others[0] - a)
                 # from one neighbour to the other, whichever way round the two ridges are stored
-                ahead = track.facets[facets, 0] == np.repeat(vertices[rows], np.diff(begin))
-                second = np.arange(len(facets)) > np.repeat(begin[:-1], np.diff(begin))
+                ahead = track.facets[facets, 0] == np.repeat(vertices[rows], np.diff(start))
+                second = np.arange(len(facets)) > np.repeat(start[:-1], np.diff(start))
                 around[ahead != second] *= -1.0
-            axis[rows] = unit(np.add.reduceat(around, begin[:-1]))
+            axis[rows] = unit(np.add.reduceat(around, start[:-1]))
         freedom = Freedom(np.where(curve, np.uint8(1), np.uint8(2)), axis)
         return freedom.restrict(directions, np.arange(len(vertices)))
 
@@ -187,14 +187,14 @@ class Projection:
     def _probes(
         self, points: np.ndarray, vertices: np.ndarray, targets: np.ndarray
     ) -> list[tuple[np.ndarray, Track, Probe]]:
-        """What moving the vertices to the targets does to the surface, and to the curves of those on one."""
+        """The consequences of moving the vertices to the targets, for the surface and for curves."""
         curve = np.flatnonzero(self._on_curve[vertices])
         everywhere = np.arange(len(vertices))
-        chosen = [(everywhere, self._surface)] if len(self._surface.facets) else []
-        chosen += [(curve, self._curve)] if len(curve) else []
+        tracks = [(everywhere, self._surface)] if len(self._surface.facets) else []
+        tracks += [(curve, self._curve)] if len(curve) else []
         return [
             (rows, track, track.probe(points, vertices[rows], targets[rows]))
-            for rows, track in chosen
+            for rows, track in tracks
             if len(rows)
         ]
 
@@ -232,7 +232,7 @@ class Projection:
             return np.ones(len(x), dtype=bool)
         one, other = (np.stack(np.broadcast_arrays(*end), axis=-1) for end in ends)
         centre = (x + one + other) / 3.0
-        start = self._surface.foot[self._triangle[corner]]
-        _, foot, _ = self._surface.manifold.nearest(centre.reshape(-1, 3), start.ravel())
+        hints = self._surface.foot[self._triangle[corner]]
+        _, foot, _ = self._surface.manifold.nearest(centre.reshape(-1, 3), hints.ravel())
         normal = self._surface.manifold.normals[foot].reshape(centre.shape)
         return ((np.cross(one - x, other - x) * normal).sum(axis=2) > 0.0).all(axis=0)

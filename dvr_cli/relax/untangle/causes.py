@@ -1,4 +1,4 @@
-"""Why elements stay inverted after untangling, as far as the held vertices tell."""
+"""The reasons for which elements stay inverted after untangling, as far as the held vertices tell."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.quality.mean_ratio import DEGENERATE, element_qualities
-from dvr_cli.relax.untangle.phase import hopeless
+from dvr_cli.relax.untangle.phase import inverted_by_held
 
 _NEAR = 2  # rings of vertices around a crossing within which it is to blame
 
 
 def tangled_elements(points: np.ndarray, domain: Domain, freedom: Freedom) -> dict[str, int]:
-    """How many elements are inverted or degenerate with coordinates ``points`` (N, d), and why.
+    """The numbers of inverted and degenerate elements with coordinates ``points`` (N, d), by reason.
 
-    elements: how many; hopeless: of these, with a corner whose vertices are all held; crossing: of the rest,
-    near held facets that cross each other.
+    elements: all of them; hopeless: of these, with a corner whose vertices are all held; crossing: of the
+    rest, near held facets that cross each other.
     """
     corners = domain.corners
     tangled = ~(element_qualities(points, corners) > DEGENERATE)
     if not tangled.any():
         return {"elements": 0, "hopeless": 0, "crossing": 0}
-    known = hopeless(points, corners, freedom)
+    known = inverted_by_held(points, corners, freedom)
     rest = tangled & ~known
     crossing = np.zeros(len(points), dtype=bool)
     if rest.any():

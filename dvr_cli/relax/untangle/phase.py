@@ -1,6 +1,6 @@
 """Untangling: a stage before relaxation that makes inverted elements positive where the held vertices allow.
 
-The energy of ``relax.energy`` is minimised in rounds of L-BFGS, with an ε that shrinks with the worst corner,
+The energy of ``energy`` is minimised in rounds of L-BFGS, with an ε that shrinks with the worst corner,
 over the vertices around the inverted elements. A round that does not help enough frees more rings of vertices
 for the next. Once all is positive, rounds with next to no ε, each over more vertices, even out what the first
 ones squeezed together, as long as it pays. The result never has more inverted elements than the input.
@@ -35,7 +35,7 @@ _EVEN = 1e-3  # mean of 1/Q - 1 below which there is nothing to even out
 
 @dataclass(frozen=True)
 class Round:
-    """What one round did: free vertices, elements inverted or degenerate after it, seconds it took."""
+    """One round: free vertices, elements inverted or degenerate after it, seconds it took."""
 
     free: int
     tangled: int
@@ -66,8 +66,8 @@ def untangle(
     points: (N, d); freedom: which vertices may move, and along what. interrupted: asked after each step of
     the minimisation; when true, the best coordinates reached are the result. on_round: called after each
     round. Vertices far from all inverted elements keep their coordinates, and none leaves the bounding box of
-    the points by more than its diagonal. Elements that no movement can make positive (``hopeless``) are left
-    alone.
+    the points by more than its diagonal. Elements that no movement can make positive do not count, see
+    ``inverted_by_held``.
     """
     run = _Run(points, corners, freedom, interrupted, on_round)
     if not run.tangled.any():
@@ -96,7 +96,7 @@ def untangle(
     return run.result(StopReason.UNTANGLED)
 
 
-def hopeless(points: np.ndarray, corners: Corners, freedom: Freedom) -> np.ndarray:
+def inverted_by_held(points: np.ndarray, corners: Corners, freedom: Freedom) -> np.ndarray:
     """(n_cells,) bool: elements with a corner that is not positive and whose vertices are all held."""
     held = (freedom.dimension == 0)[corners.vertices].all(axis=1)
     flat = np.zeros(len(held), dtype=bool)
@@ -126,7 +126,7 @@ class _Run:
         self._diagonal = float(np.linalg.norm(self._high - self._low)) or 1.0
         self._points, self._best = points, points
         self._scaled = self._start = (points - self._low) / self._diagonal
-        self._hopeless = hopeless(points, corners, freedom)
+        self._inverted_by_held = inverted_by_held(points, corners, freedom)
         self.tangled, self._key = self._judged(points)
         self.ended = interrupted()
 
@@ -135,7 +135,7 @@ class _Run:
 
         shrink: ε as a part of how negative the worst corner is.
         """
-        begin = time.perf_counter()
+        start = time.perf_counter()
         freedom = self._freedom.only(region)
         energy = Energy(self._scaled, self._corners, freedom)
         displacements = np.zeros(len(freedom.relaxed) * self._corners.dimension)
@@ -156,13 +156,13 @@ class _Run:
         self.ended = self._interrupted() or not inside.all()
         if inside.all() and (key < self._key or key == (0, 0)):
             self._best, self._key = points, key
-        self.rounds.append(Round(len(freedom.relaxed), sum(key), time.perf_counter() - begin))
+        self.rounds.append(Round(len(freedom.relaxed), sum(key), time.perf_counter() - start))
         if self._on_round is not None:
             self._on_round(self.rounds[-1])
 
-    def excess(self, chosen: np.ndarray) -> float:
-        """Mean of 1/Q - 1 over the corners marked in ``chosen``, all of them positive."""
-        return float((1 / corner_qualities(self._scaled, self._corners.part(chosen))).mean()) - 1
+    def excess(self, marked: np.ndarray) -> float:
+        """Mean of 1/Q - 1 over the corners ``marked`` ((C,) bool), all of them positive."""
+        return float((1 / corner_qualities(self._scaled, self._corners.part(marked))).mean()) - 1
 
     def result(self, reason: StopReason) -> Untangling:
         """The best coordinates met, and why there was no further round."""
@@ -170,14 +170,14 @@ class _Run:
         return Untangling(self._best, self.rounds, ended)
 
     def _judged(self, points: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
-        """Which elements are to be made positive, and how many of all are inverted and degenerate."""
+        """The elements to be made positive (n_cells,), and how many of all are inverted and degenerate."""
         quality = element_qualities(points, self._corners)
         inverted, tangled = quality < -DEGENERATE, ~(quality > DEGENERATE)
-        return tangled & ~self._hopeless, (int(inverted.sum()), int((tangled & ~inverted).sum()))
+        return tangled & ~self._inverted_by_held, (int(inverted.sum()), int((tangled & ~inverted).sum()))
 
 
-def vertices_of(chosen: np.ndarray, corners: Corners, n_points: int) -> np.ndarray:
-    """(N,) bool: the vertices of the elements marked in ``chosen`` ((n_cells,) bool)."""
-    marked = np.zeros(n_points, dtype=bool)
-    marked[corners.vertices[np.repeat(chosen, np.diff(corners.start))]] = True
-    return marked
+def vertices_of(elements: np.ndarray, corners: Corners, n_points: int) -> np.ndarray:
+    """(N,) bool: the vertices of the elements marked in ``elements`` ((n_cells,) bool)."""
+    vertices = np.zeros(n_points, dtype=bool)
+    vertices[corners.vertices[np.repeat(elements, np.diff(corners.start))]] = True
+    return vertices

@@ -12,7 +12,7 @@ from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality.mean_ratio import corner_qualities, element_qualities
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.relax.untangle.energy import Energy
-from dvr_cli.relax.untangle.phase import hopeless, untangle
+from dvr_cli.relax.untangle.phase import inverted_by_held, untangle
 from dvr_cli.report.text import smooth_text
 from meshes import KINDS, boxes_of, bump, delaunay, random_mesh, tangled, turned_hexagon
 
@@ -252,7 +252,7 @@ def test_an_element_whose_vertices_are_all_held():
     mesh.points[corner] = [0.7, 0.3]
     mesh.points[domain_of(mesh).interior] += 0.3
     domain = domain_of(mesh)
-    assert hopeless(domain.points, domain.corners, interior_freedom(domain.interior, 2)).sum() == 1
+    assert inverted_by_held(domain.points, domain.corners, interior_freedom(domain.interior, 2)).sum() == 1
     _, report = untangled(mesh)
     assert report.before.inverted > 1
     assert report.after.inverted == 1
