@@ -337,6 +337,16 @@ TABLE = (
     ),
     Option("no_report", SWITCH, False, "Write no report.", RUNS),
     Option(
+        "regions",
+        TEXTS,
+        (),
+        "Regions, between which interfaces stay, are told apart by the cell field or group NAME alone, or by "
+        "nothing: none. Can be repeated; default: by all cell fields and sets of cells that look like it.",
+        (*RUNS, *REPORTS),
+        "NAME|none",
+        recorded=True,
+    ),
+    Option(
         "straighten",
         SWITCH,
         False,

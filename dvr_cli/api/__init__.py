@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dvr_cli.api.options import SmoothOptions, check_known
+from dvr_cli.api.options import Names, SmoothOptions, check_known
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.convert import as_mesh, from_meshio
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.mesh.region_choice import RegionChoice
 from dvr_cli.options import check_names
 from dvr_cli.quality.measure import measure
 from dvr_cli.report.compare import Comparison, compare_qualities
@@ -58,7 +59,8 @@ def untangle(
 
     mesh, cells, and what is returned and raised: as for ``smooth``, whose ``untangle`` does the same before
     relaxing. Only vertices near inverted elements move; the result never has more inverted elements than the
-    input, and a mesh without any comes back as it is. options: boundary, fix, straighten, time_limit.
+    input, and a mesh without any comes back as it is. options: boundary, fix, regions,
+    straighten, time_limit.
 
     >>> import numpy as np, dvr_cli
     >>> points = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [1.5, 0.9]])
@@ -67,7 +69,7 @@ def untangle(
     >>> report.before.inverted, report.after.inverted
     (1, 0)
     """
-    check_names(options, ("boundary", "fix", "straighten", "time_limit"))
+    check_names(options, ("boundary", "fix", "regions", "straighten", "time_limit"))
     return _smoothed(mesh, cells, SmoothOptions.of(options, untangle=True, max_iterations=0))
 
 
@@ -90,13 +92,15 @@ def quality_report(
     cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None = None,
     *,
     worst: int = 10,
+    regions: Names | np.ndarray = (),
 ) -> QualityReport:
     """The quality of a mesh, as ``dvr report quality`` gives it.
 
     mesh, cells: as for ``smooth``. worst: how many of the worst elements to list.
+    regions: as for ``smooth``.
     Raises InputError for meshes without elements whose quality is defined.
     """
-    return mesh_quality(as_mesh(mesh, cells), worst)
+    return mesh_quality(as_mesh(mesh, cells), worst, SmoothOptions(regions=regions).region_choice)
 
 
 def compare(before: meshio.Mesh, *after: meshio.Mesh) -> Comparison:
@@ -109,9 +113,9 @@ def compare(before: meshio.Mesh, *after: meshio.Mesh) -> Comparison:
     return compare_meshes([from_meshio(mesh) for mesh in (before, *after)])
 
 
-def mesh_quality(mesh: Mesh, worst: int = 10) -> QualityReport:
+def mesh_quality(mesh: Mesh, worst: int = 10, regions: RegionChoice = ()) -> QualityReport:
     """The quality report of a Mesh; curved second-order cells count as straight."""
-    domain = domain_of(mesh, straighten=True)
+    domain = domain_of(mesh, straighten=True, regions=regions)
     relaxed = np.flatnonzero(domain.interior)
     return QualityReport(summarise(mesh, domain), len(relaxed), measure(domain, mesh.points, relaxed, worst))
 

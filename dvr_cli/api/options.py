@@ -13,6 +13,7 @@ import numpy as np
 from dvr_cli.api.selection import Selection
 from dvr_cli.errors import UsageError
 from dvr_cli.files.arrays import read_directions, read_vertices, whole_numbers
+from dvr_cli.mesh.region_choice import RegionChoice
 from dvr_cli.options import OPTIONS, check_fields, check_names, default
 from dvr_cli.relax.directions import Entry, check_name
 from dvr_cli.relax.engines.choice import checked_threads, chosen_engine, has_numba
@@ -45,6 +46,8 @@ class SmoothOptions:
         the bounding box.
     fix, only, below, layers: see Selection; fix and only are one name or several. vertices: numbers from 0,
         or the path of a .npy, .csv or .txt file with them.
+    regions: what tells regions apart, whose interfaces stay: names of cell data and groups, by default all
+        that look like it; "none"; or an array of a number for each cell.
     straighten: take curved second-order cells as straight. stopping: when to stop.
     untangle: make inverted elements positive first.
     patches: after the sweeps move the surroundings of the worst elements jointly, worst first; by default
@@ -68,6 +71,7 @@ class SmoothOptions:
     below: float | None = None
     layers: int = default("layers")
     vertices: Vertices | None = None
+    regions: Names | np.ndarray = ()
     straighten: bool = default("straighten")
     untangle: bool = default("untangle")
     patches: bool | None = None
@@ -151,6 +155,11 @@ class SmoothOptions:
         fix, only = _names(self.fix), _names(self.only)
         return Selection(fix, only, self.below, self.layers, self._vertices())
 
+    @property
+    def region_choice(self) -> RegionChoice:
+        """The regions as ``domain_of`` takes them."""
+        return self.regions if isinstance(self.regions, np.ndarray) else _names(self.regions)
+
     def _vertices(self) -> np.ndarray | None:
         if isinstance(self.vertices, str | Path):
             return read_vertices(Path(self.vertices))
@@ -161,9 +170,11 @@ class SmoothOptions:
 
     def record(self) -> dict[str, Any]:
         """The options as JSON-ready data."""
+        regions = self.region_choice
         special = {
             "directions": ",".join(d if isinstance(d, str) else f"array{d.shape}" for d in self._given()),
             "vertices": _described(self.vertices),
+            "regions": _described(regions) if isinstance(regions, np.ndarray) else list(regions),
             "patches": self.takes_patches,
             "polish": self.takes_polish,
         }

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 # The options of smoothing that a step of a Relaxer has, too.
 _OPTIONS = (
     *("directions", "center", "axis", "max_iterations", "tol", "patience", "target", "time_limit"),
-    *("order", "seed", "straighten", "engine", "threads"),
+    *("order", "seed", "regions", "straighten", "engine", "threads"),
 )
 
 
@@ -81,7 +81,7 @@ class Relaxer:
     ) -> None:
         """Set up a mesh given as to ``dvr_cli.smooth``, with the same errors.
 
-        options: those of ``smooth`` about directions, stopping, order, engine, and ``straighten``.
+        options: those of ``smooth`` about directions, stopping, order, engine, regions, and ``straighten``.
 
         A step is a phase of sweeps alone, along random directions by default: patches and polishing, which
         take longer than a step should, are left to ``smooth``.
@@ -109,7 +109,7 @@ class Relaxer:
         self.threads = self.engine_kind.threads(options.threads)
         self._options = options
         self._point_data = mesh.point_data
-        self.domain = domain_of(mesh, options.straighten, self.engine_kind.backend)
+        self.domain = domain_of(mesh, options.straighten, self.engine_kind.backend, options.region_choice)
         if self.domain.is_surface:
             raise InputError("a surface in space cannot be followed; planar and volume meshes can")
         self.points = mesh.points.copy()

@@ -62,7 +62,7 @@ def smooth_mesh(
     """
     vertices, sweeps = len(mesh.points), options.stopping.max_iterations
     kind = chosen_engine(options.engine, vertices, sweeps, options.takes_patches)
-    domain = domain_of(mesh, options.straighten, kind.backend)
+    domain = domain_of(mesh, options.straighten, kind.backend, options.region_choice)
     if options.untangle and domain.is_surface:
         raise InputError("a surface in space cannot be untangled; planar and volume meshes can")
     chosen = options.selection.masks(mesh, domain)

@@ -1,8 +1,9 @@
 """Constraints: the facets, edges and vertices whose shape relaxation has to keep.
 
 Facets are kept that lie on the boundary, between regions, or under a cell of one dimension less; in a volume
-mesh also edges under a line cell. What a facet belongs to - the regions on its sides, the lower cells on it
-and their tags - is its label: where labels change, a physical group, a region or a named part ends.
+mesh also edges under a line cell. Facets in named sets count as such cells, one set as one tag. What a facet
+belongs to - the regions on its sides, the lower cells on it and their tags, the sets that have all its
+vertices - is its label: where labels change, a physical group, a region or a named part ends.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.facets import facets_of, numbered, outlines
 from dvr_cli.mesh.mesh import Cells, Mesh
-from dvr_cli.mesh.regions import regions_of
+from dvr_cli.mesh.named_facets import named_facets
+from dvr_cli.mesh.region_choice import regions_of
 from dvr_cli.mesh.second_order import linear_cells
 
 ROUNDING = 32 * np.finfo(float).eps  # times the largest coordinate: what vertices in one plane may be off it
@@ -75,7 +77,13 @@ def constraints_of(mesh: Mesh, domain: Domain) -> Constraints:
     region.sort(axis=1)
     kept = (shared != 2) | (region[:, 0] != region[:, 1])
 
-    lower, tags = _rows(linear, sheets, width), regions_of(mesh, sheets)
+    lower, tags = _rows(linear, sheets, width), regions_of(mesh, sheets)[0]
+    named, which = named_facets(mesh, d)
+    count = (named >= 0).sum(axis=1)
+    is_facet, is_edge = (count >= d) & (count <= width), count < d
+    _fix(fixed, named[count > width])
+    lower = np.concatenate([lower, _widened(named[is_facet], width)])
+    tags = np.concatenate([tags, tags.max(initial=-1) + 1 + which[is_facet]])
     under = _matched(lower, seen, n_points)
     found = under >= 0
     _fix(fixed, lower[~found])
@@ -84,11 +92,16 @@ def constraints_of(mesh: Mesh, domain: Domain) -> Constraints:
     order = order[np.argsort(one[order])]
     place = np.empty(len(seen), dtype=np.int64)
     place[order] = np.arange(len(order))
-    label = _labels(place[under[found]], tags[found], region[order])
+    in_set, of_set, alone = _in_point_sets(mesh, seen[order])
+    fixed[alone] = True
+    label = _labels(
+        np.concatenate([place[under[found]], in_set]),
+        np.concatenate([tags[found], tags.max(initial=-1) + 1 + of_set]),
+        region[order],
+    )
 
-    wire = _rows(linear, wires, 2)
-    lines, line_label, found = _lines(wire, regions_of(mesh, wires), sides.sides, n_points)
-    _fix(fixed, wire[~found])
+    lines, line_label, off = _lines(mesh, wires, named[is_edge], which[is_edge], sides.sides)
+    _fix(fixed, off)
 
     rounding = ROUNDING * float(np.abs(mesh.points).max(initial=0.0))
     if domain.mids is not None:
@@ -114,15 +127,16 @@ def surface_constraints(mesh: Mesh, domain: Domain) -> Constraints:
         if block.type == "vertex":
             fixed[block.vertices] = True
     wires = [b for b, block in enumerate(linear) if block.type == "line"]
-    wire = _rows(linear, wires, 2)
     width = max(block.vertices.shape[1] for block in domain.cells)
     cells = [Cells(block.type, outlines(block)) for block in domain.cells]
     facets = _rows(cells, list(range(len(cells))), width)
-    lines, line_label, found = _lines(wire, regions_of(mesh, wires), facets, len(mesh.points))
-    _fix(fixed, wire[~found])
+    lines, line_label, off = _lines(mesh, wires, *named_facets(mesh, 2), facets)
+    _fix(fixed, off)
+    in_set, of_set, alone = _in_point_sets(mesh, facets)
+    fixed[alone] = True
     return Constraints(
         facets=facets,
-        label=domain.region,
+        label=_labels(in_set, of_set, domain.region[:, None]),
         two_sided=np.zeros(len(facets), dtype=bool),
         lines=lines,
         line_label=line_label,
@@ -144,11 +158,19 @@ def edges_of(facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _lines(
-    wire: np.ndarray, tags: np.ndarray, facets: np.ndarray, n_points: int
+    mesh: Mesh, blocks: list[int], named: np.ndarray, which: np.ndarray, facets: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The edges (L, 2) of the facets of all cells that lie under line cells ``wire`` (n, 2), their labels
-    (L,), and which of the line cells (n,) lie on an edge.
+    """The edges (L, 2) of ``facets`` that lie under the line cells of these blocks or are ``named`` (n, w),
+    in the set ``which`` (n,); their labels (L,); and those line cells and named edges that lie on none.
     """
+    wire, tags, n_points = (
+        _rows(linear_cells(mesh.cells), blocks, 2),
+        regions_of(mesh, blocks)[0],
+        len(mesh.points),
+    )
+    single = named[:, 1] < 0
+    wire = np.concatenate([wire, named[~single, :2]])
+    tags = np.concatenate([tags, tags.max(initial=-1) + 1 + which[~single]])
     on_wire = np.zeros(n_points + 1, dtype=bool)  # the last is for -1
     on_wire[wire] = True
     near = on_wire[facets].sum(axis=1) > 1 if len(wire) else np.zeros(len(facets), dtype=bool)
@@ -157,7 +179,33 @@ def _lines(
     found = under >= 0
     marked, place = np.unique(under[found], return_inverse=True)
     label = _labels(place, tags[found], np.zeros((len(marked), 1), dtype=np.int64))
-    return edges[marked], label, found
+    off = np.concatenate([wire[~found], named[single, :2]])
+    return edges[marked], label, off
+
+
+def _in_point_sets(mesh: Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which of ``facets`` (F, w) have all vertices in a set of points, and which set's (n,) each; and the
+    vertices of these facets (m,) that are in a set, but in no facet all of whose vertices are.
+    """
+    within, of_set = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+    alone = np.zeros(len(mesh.points) + 1, dtype=bool)
+    on_facet = np.zeros(len(mesh.points) + 1, dtype=bool)
+    on_facet[facets] = True
+    for i, members in enumerate(mesh.point_sets.values()):
+        inside = np.zeros(len(mesh.points) + 1, dtype=bool)  # the last is for -1
+        inside[members] = True
+        inside[-1] = True
+        rows = np.flatnonzero(inside[facets].all(axis=1))
+        within.append(rows)
+        of_set.append(np.full(len(rows), i))
+        inside[facets[rows]] = False
+        alone |= inside & on_facet
+    return np.concatenate(within), np.concatenate(of_set), np.flatnonzero(alone[:-1])
+
+
+def _widened(rows: np.ndarray, width: int) -> np.ndarray:
+    """Rows (n, w) cut or filled with -1 to a width that all of them fit."""
+    return np.pad(rows[:, :width], ((0, 0), (0, max(0, width - rows.shape[1]))), constant_values=-1)
 
 
 def _fix(fixed: np.ndarray, rows: np.ndarray) -> None:

@@ -38,7 +38,7 @@ def quality(
         check("--plot", plot, PICTURES, [path])
     mesh = open_mesh(path, given["input_format"]).mesh
     with naming(path):
-        report = mesh_quality(mesh, given["worst"])
+        report = mesh_quality(mesh, given["worst"], given["regions"] or ())
     if plot is not None:
         text = quality_text(report, str(path), "█")
         write_picture(plot, mesh, {path.name: (mesh.points, report.quality)}, str(path), text)
@@ -82,7 +82,7 @@ def compare(
     reports = []
     for path, mesh in zip(paths, meshes, strict=True):
         with naming(path):
-            reports.append(mesh_quality(mesh))
+            reports.append(mesh_quality(mesh, regions=given["regions"] or ()))
     names = [str(path) for path in paths]
     with naming(", ".join(names)):
         comparison = compare_qualities(reports, same_connectivity(meshes))

@@ -172,7 +172,7 @@ def _lost_data(kind: str, old: dict[str, np.ndarray], new: dict[str, np.ndarray]
 
 
 def _group_names(mesh: Mesh) -> set[str]:
-    return {*mesh.field_data, *mesh.cell_sets, *mesh.point_sets}
+    return {*mesh.field_data, *mesh.cell_sets, *mesh.point_sets, *mesh.facet_sets}
 
 
 def _equal(old: np.ndarray, new: np.ndarray) -> bool:

@@ -18,9 +18,10 @@ from dvr_cli.mesh.cell_types import CELL_TYPES, relaxed_dimension
 from dvr_cli.mesh.corners import Corners, corners_of
 from dvr_cli.mesh.interior import enclosed
 from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.mesh.named_facets import named_facets
 from dvr_cli.mesh.orientation import mirrored_cells, unlike_cells, with_mirrored
 from dvr_cli.mesh.plane import Plane, plane_of
-from dvr_cli.mesh.regions import regions_of
+from dvr_cli.mesh.region_choice import Divider, RegionChoice, regions_of
 from dvr_cli.mesh.second_order import MidNodes, linear_cells, mid_nodes
 from dvr_cli.mesh.simplex import determinants
 
@@ -36,7 +37,7 @@ class Domain:
     cells: blocks of the cells of dimension d, oriented coherently and positively.
     cell_ids: (n,) their ids in the mesh: positions counted from 0 through all its blocks.
     corners: the corners of these cells.
-    region: (n,) region number of each.
+    region: (n,) region number of each, and divided_by: what tells these regions apart.
     interior: (N,) bool, the vertices that are neither on a boundary, an interface nor a lower cell, and that
         no periodic link ties to another.
     mirrored: how many cells are stored inside out (they stay so in any output).
@@ -51,6 +52,7 @@ class Domain:
     cell_ids: np.ndarray
     corners: Corners
     region: np.ndarray
+    divided_by: tuple[Divider, ...]
     interior: np.ndarray
     mirrored: int
     plane: Plane | None
@@ -105,11 +107,13 @@ class Domain:
         return lifted
 
 
-def domain_of(mesh: Mesh, straighten: bool = False, backend: Backend = NUMPY) -> Domain:
+def domain_of(
+    mesh: Mesh, straighten: bool = False, backend: Backend = NUMPY, regions: RegionChoice = ()
+) -> Domain:
     """Check a mesh and find its domain.
 
     straighten: take curved second-order cells as straight.
-    backend: what computes; the result is the same.
+    backend: what computes; the result is the same. regions: see ``region_choice``.
 
     Raises InputError for a mesh without planar or volume cells, with coordinates that are not finite, with
     cells that name missing vertices or one vertex twice, or with cells that cannot be relaxed (curved
@@ -140,14 +144,15 @@ def domain_of(mesh: Mesh, straighten: bool = False, backend: Backend = NUMPY) ->
         measures = as_stored.by_cell(np.add, backend.twin(determinants)(points, as_stored.vertices))
         mirrored = mirrored_cells(measures, stored, backend)
     cells = with_mirrored(stored, mirrored)
-    region = regions_of(mesh, blocks)
+    region, divided_by = regions_of(mesh, blocks, regions)
     return Domain(
         points=points,
         cells=cells,
         cell_ids=np.concatenate([np.arange(start[b], start[b + 1]) for b in blocks]),
         corners=corners_of(cells, dimension) if mirrored.any() else as_stored,
         region=region,
-        interior=_interior(linear, stored, blocks, region, len(mesh.points), backend) & mesh.unlinked,
+        divided_by=divided_by,
+        interior=_interior(mesh, linear, stored, blocks, region, backend) & mesh.unlinked,
         mirrored=int(mirrored.sum()),
         plane=plane,
         mids=mids,
@@ -157,15 +162,17 @@ def domain_of(mesh: Mesh, straighten: bool = False, backend: Backend = NUMPY) ->
 
 
 def _interior(
+    mesh: Mesh,
     cells: list[Cells],
     stored: list[Cells],
     blocks: list[int],
     region: np.ndarray,
-    n_points: int,
     backend: Backend,
 ) -> np.ndarray:
-    """(N,) bool: vertices inside one region that no cell of lower dimension holds."""
-    interior = enclosed(stored, region, n_points, backend)
+    """(N,) bool: vertices inside one region that no cell of lower dimension and no named facet holds."""
+    interior = enclosed(stored, region, len(mesh.points), backend)
+    facets, _ = named_facets(mesh, relaxed_dimension(stored[0].type) or 0)
+    interior[facets[facets >= 0]] = False
     for b, block in enumerate(cells):
         if b not in blocks:
             interior[block.vertices] = False

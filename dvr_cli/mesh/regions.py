@@ -1,22 +1,31 @@
 """Regions: the tags by which a file tells materials, volumes or surfaces apart.
 
-Vertices on an interface between regions are not interior: moving them would change the regions' shape.
+Vertices on an interface between regions are not interior: moving them would change the regions' shape. Cell
+data are tags if
+
+- they have one of the names below, or are called "<format>:<noun>" as readers of formats call theirs, and are
+  whole numbers, or
+- they are integers of any other name with few distinct values beside the number of cells.
+
+Numberings of cells, partitions and ranks of processes are none, whatever values they have.
 """
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.mesh.ranks import ranks
 
-# Cell data that name regions, compared without case, "_" and ":".
+# Cell data that name regions, compared without case and without anything but letters and digits.
 REGION_NAMES = frozenset(
     {
         "dvrregion",
         "exodusblock",
         "medfamily",
         "cgnszone",
-        "cgnsfamily",
         "gmshphysical",
         "gmshgeometrical",
         "meditref",
@@ -48,31 +57,56 @@ REGION_NAMES = frozenset(
         "subdomains",
     }
 )
+_OF_FORMAT = re.compile(r"[a-z][a-z0-9-]*:(?!attr)[a-z]+[0-9]*")
+_NUMBERING = re.compile(
+    r"(vtk|exodus|gmsh|abaqus|nastran)*(global|local|original|pedigree|parent|cell|elem|element)+"
+    r"(id|ids|index|indices|number|numbers|num|no)"
+)
+_PARTITION = re.compile(
+    r".*(partition|ghost|processor|mpirank|metis).*|(vtk|mpi)?(rank|proc|process|owner)s?(id|ids|number|no|index)?"
+)
+_SAMPLE = 4096  # cells looked at before all are
 
 
 def region_names(mesh: Mesh) -> list[str]:
-    """The cell data of ``mesh`` that are taken for region tags: known names with whole numbers in them."""
-    return [
-        name
-        for name, blocks in mesh.cell_data.items()
-        if name.lower().replace("_", "").replace(":", "") in REGION_NAMES
-        and all(np.asarray(block).ndim == 1 and _whole(np.asarray(block)) for block in blocks)
-    ]
+    """The cell data of ``mesh`` that are taken for region tags, those of known names first."""
+    known, others = [], []
+    for name, blocks in mesh.cell_data.items():
+        arrays = [np.asarray(block) for block in blocks]
+        if any(array.ndim != 1 for array in arrays):
+            continue
+        if _plain(name) in REGION_NAMES and all(_whole(array) for array in arrays):
+            known.append(name)
+        elif all(array.dtype.kind in "iub" for array in arrays) and not is_no_region(name):
+            if _OF_FORMAT.fullmatch(name):
+                known.append(name)
+            elif _has_few_values(arrays):
+                others.append(name)
+    return known + others
 
 
-def regions_of(mesh: Mesh, blocks: list[int]) -> np.ndarray:
-    """(n,) a number for each cell of the given blocks, equal where all region tags are equal."""
-    n = sum(len(mesh.cells[b].vertices) for b in blocks)
-    region = np.zeros(n, dtype=np.int64)
-    for name in region_names(mesh) if blocks else ():
-        tags = np.concatenate([np.asarray(mesh.cell_data[name][b]) for b in blocks])
-        values, index = np.unique(tags, return_inverse=True)
-        if len(values) > 1:
-            _, region = np.unique(region * len(values) + index, return_inverse=True)
-    return region
+def is_no_region(name: str) -> bool:
+    """Whether cell data or a set of this name number cells, or say which process has them."""
+    plain = _plain(name)
+    return bool(_NUMBERING.fullmatch(plain) or _PARTITION.fullmatch(plain))
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower())
 
 
 def _whole(values: np.ndarray) -> bool:
     return values.dtype.kind in "iub" or (
         values.dtype.kind == "f" and bool(np.all(np.isfinite(values) & (values == np.rint(values))))
     )
+
+
+def _has_few_values(arrays: list[np.ndarray]) -> bool:
+    """Whether tags, an array a block, have several values, but few beside the number of cells."""
+    n = sum(map(len, arrays))
+    most = max(2.0, min(n / 4, 4 * np.sqrt(n)))
+    sample = np.concatenate([array[: _SAMPLE // len(arrays) + 1] for array in arrays]) if arrays else arrays
+    if len(np.unique(sample)) > most:
+        return False
+    values = np.concatenate(arrays) if arrays else np.empty(0, dtype=np.int64)
+    return 1 < ranks(values).max(initial=0) + 1 <= min(most, n - 1)

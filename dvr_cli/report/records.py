@@ -9,6 +9,7 @@ from typing import Any
 from dvr_cli import __version__
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.mesh.region_choice import Divider
 from dvr_cli.quality.limits import Limit
 from dvr_cli.quality.measure import Quality
 from dvr_cli.relax.phases import Morphed, Phase, Untangled
@@ -27,7 +28,8 @@ class MeshSummary:
     """What a report says of the mesh itself.
 
     cells: number of cells by type, of all dimensions. dimension: 2 or 3. mirrored: cells stored inside out.
-    regions: how many regions its tags tell apart. curved: second-order cells that are not straight. surface:
+    regions: how many regions there are, and divided_by: what tells them apart.
+    curved: second-order cells that are not straight. surface:
         whether it is a surface in space.
     """
 
@@ -36,6 +38,7 @@ class MeshSummary:
     dimension: int
     mirrored: int
     regions: int
+    divided_by: tuple[Divider, ...]
     curved: int
     surface: bool
 
@@ -162,6 +165,7 @@ def summarise(mesh: Mesh, domain: Domain) -> MeshSummary:
         dimension=domain.dimension,
         mirrored=domain.mirrored,
         regions=int(domain.region.max(initial=0)) + 1,
+        divided_by=domain.divided_by,
         curved=domain.mids.curved if domain.mids is not None else 0,
         surface=domain.is_surface,
     )

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 WIDTH = 80  # columns where nobody says how many there are
 _LABEL = 19  # columns of a row's label
 _VALUE = 9  # columns of a value
+_LISTED = 6  # fields and sets that a note lists
 _BAR = 50  # columns of the longest bar of a histogram
 _RANKED = ("Q1", "fixed cap", "mean", "inverted", "10 % quantile")  # columns of a ranking, as far as they fit
 
@@ -234,11 +235,20 @@ def _noted(mesh: MeshSummary) -> list[str]:
 def notes(mesh: MeshSummary) -> list[str]:
     """What to know of a mesh besides its figures."""
     notes = []
+    if mesh.regions > 1:
+        notes.append(f"{mesh.regions} regions, told apart by {_dividers(mesh)}; --regions chooses others")
     if mesh.mirrored:
         notes.append(f"{_count(mesh.mirrored, 'cell')} stored inside out, taken as the mirror image")
     if mesh.curved:
         notes.append(f"{_count(mesh.curved, 'second-order cell')} curved, taken as straight")
     return notes
+
+
+def _dividers(mesh: MeshSummary) -> str:
+    """What tells regions apart, as far as there is room."""
+    texts = [divider.text for divider in mesh.divided_by]
+    more = [f"{len(texts) - _LISTED} more"] if len(texts) > _LISTED else []
+    return ", ".join([*texts[:_LISTED], *more])
 
 
 def _histogram(quality: Quality, bar: str, width: int) -> list[str]:

@@ -1,5 +1,7 @@
 """``--boundary slide``: the boundary takes part, and everything that has a shape keeps it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -33,9 +35,7 @@ def slid(mesh, sweeps=3, **options):
 
 
 def moved_by(mesh, move):
-    return Mesh(
-        move(mesh.points), mesh.cells, mesh.cell_data, mesh.point_data, mesh.field_data, mesh.periodic
-    )
+    return replace(mesh, points=move(mesh.points))
 
 
 def check(mesh, scale=1.0):

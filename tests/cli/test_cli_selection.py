@@ -230,3 +230,50 @@ def test_wrong_lists_of_vertices(dvr, tmp_path, name, text, code, named):
     result = dvr("smooth", source, tmp_path / "out.msh", "--vertices", tmp_path / name)
     assert_one_line(result, code, "vertices", named)
     assert listing(tmp_path) == before
+
+
+# --------------------------------------------------------------------------------------------- regions
+
+
+def two_materials(path: Path, field: str, dtype: str = "i8") -> Path:
+    """A 4 x 2 rectangle of 16 triangles, two materials meeting at x = 2, vertex 7 of the interface off it."""
+    j, i = np.divmod(np.arange(15), 5)
+    points = np.column_stack([i, j]).astype(float)
+    points[7] = [2.6, 1.0]
+    low = (np.arange(2)[:, None] * 5 + np.arange(4)).ravel()
+    cells = np.stack([np.column_stack([low, low + 1, low + 6]), np.column_stack([low, low + 6, low + 5])])
+    tags = np.where(np.tile(low % 5 < 2, 2), 1, 2).astype(dtype)
+    return write(path, points, {"triangle": cells.reshape(-1, 3)}, cell_data={field: [tags]})
+
+
+@pytest.mark.parametrize("field", ["material", "attribute", "PartId"])
+def test_interfaces_stay_whatever_the_field_is_called(dvr, tmp_path, field):
+    path = two_materials(tmp_path / "in.vtk", field)
+    done = dvr("smooth", path, tmp_path / "out.vtk", "-n", "3")
+    assert done.code == 0
+    assert np.array_equal(points_of(tmp_path / "out.vtk")[7], [2.6, 1.0, 0.0])
+    assert f"note: 2 regions, told apart by {field} (2 values)" in done.err
+    mesh = read_json((tmp_path / "out.quality.json").read_text())["mesh"]
+    assert mesh["divided_by"] == [{"name": field, "kind": "cell data", "count": 2}]
+
+
+def test_regions_none_lets_them_move_and_a_name_holds_what_has_none(dvr, tmp_path):
+    path, out = two_materials(tmp_path / "in.vtk", "PartId"), tmp_path / "out.vtk"
+    assert dvr("smooth", path, out, *SWEEPS, "--regions", "none").code == 0
+    assert points_of(out)[7, 0] < 2.5
+    path = two_materials(tmp_path / "in.vtk", "rank")
+    assert dvr("smooth", path, out, *SWEEPS).code == 0
+    assert points_of(out)[7, 0] < 2.5
+    assert dvr("smooth", path, out, *SWEEPS, "--regions", "rank").code == 0
+    assert points_of(out)[7, 0] == 2.6
+    reported = read_json(dvr("report", "quality", path, "--regions", "rank", "--json").out)
+    assert (reported["mesh"]["regions"], reported["relaxed"]) == (2, 2)
+    assert read_json((tmp_path / "out.quality.json").read_text())["options"]["regions"] == ["rank"]
+
+
+def test_regions_that_are_not_there(dvr, tmp_path):
+    path = two_materials(tmp_path / "in.vtk", "PartId")
+    done = dvr("smooth", path, tmp_path / "out.vtk", "--regions", "steel")
+    words = "no cells of a group and no cell data are called 'steel'; known: PartId"
+    assert_one_line(done, 2, words)
+    assert not (tmp_path / "out.vtk").exists()

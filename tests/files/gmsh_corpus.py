@@ -303,9 +303,10 @@ def _variants(model: str) -> dict[str, bytes]:
 
 @dataclass
 class Account:
-    """What Gmsh makes of a mesh file.
+    """What Gmsh makes of a mesh file, but for elements between partitions, which are none of the model's.
 
     nodes: tag -> coordinates. elements: (type, number) -> node tags. entities: (dimension, tag) -> kind.
+    parents: (dimension, tag) of a part of an entity in one partition -> tag of that entity.
     groups: (dimension, tag) -> name and entities. elements_of: entity -> the (type, number) of its elements.
     periodic: pairs of node tags, slave and master. views: (name, step) -> tag -> values.
     complaints: its warnings; Gmsh has some about files of its own.
@@ -314,6 +315,7 @@ class Account:
     nodes: dict[int, tuple[float, ...]] = field(default_factory=dict)
     elements: dict[tuple[int, int], tuple[int, ...]] = field(default_factory=dict)
     entities: dict[tuple[int, int], str] = field(default_factory=dict)
+    parents: dict[tuple[int, int], int] = field(default_factory=dict)
     groups: dict[tuple[int, int], tuple[str, list[int]]] = field(default_factory=dict)
     elements_of: dict[tuple[int, int], list[tuple[int, int]]] = field(default_factory=dict)
     periodic: set[tuple[int, int]] = field(default_factory=set)
@@ -343,6 +345,11 @@ def account(data: bytes) -> Account:
         found.entities = {entity: gmsh.model.getType(*entity) for entity in gmsh.model.getEntities()}
         for entity in found.entities:
             found.elements_of[entity] = []
+            dimension, parent = gmsh.model.getParent(*entity)
+            if dimension > entity[0]:
+                continue
+            if dimension == entity[0]:
+                found.parents[entity] = parent
             for code, numbers, nodes in zip(*gmsh.model.mesh.getElements(*entity), strict=True):
                 rows = map(tuple, nodes.reshape(len(numbers), -1).tolist())
                 keys = [(int(code), number) for number in numbers.tolist()]

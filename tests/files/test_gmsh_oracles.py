@@ -132,7 +132,7 @@ def test_same_entities_as_gmsh(name):
     """But for partitions in MSH 2, for which Gmsh makes up entities that are not in the file."""
     mesh, gmsh, tags = both(name)
     entity_of = {
-        (code, *sorted(gmsh.elements[code, number])): entity[1]
+        (code, *sorted(gmsh.elements[code, number])): gmsh.parents.get(entity, entity[1])
         for entity, elements in gmsh.elements_of.items()
         for code, number in elements
         if not gmsh.entities[entity].startswith("Ghost")

@@ -11,6 +11,7 @@ import pytest
 from dvr_cli.errors import UsageError
 from dvr_cli.files.gmsh import read
 from dvr_cli.mesh.cell_types import topological_dimension
+from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.groups import group_cells, group_vertices
 from dvr_cli.mesh.mesh import Mesh
 from gmsh_corpus import NAMES, account, corpus
@@ -23,6 +24,18 @@ def tags_of(mesh: Mesh, block: int) -> np.ndarray:
 
 
 # ------------------------------------------------------------------------------------ groups and regions
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name.startswith("partitioned_topology")])
+def test_parts_of_a_partition_are_no_regions_and_hold_nothing(name):
+    source = read(corpus(name))
+    domain = domain_of(source.mesh)
+    inside = ((source.mesh.points[:, :2] > 0) & (source.mesh.points[:, :2] < 1)).all(axis=1)
+    assert domain.divided_by == ()
+    assert np.array_equal(domain.interior, inside)
+    assert inside.sum() > 5
+    between = [line for line in source.unread if line.endswith("elements between partitions")]
+    assert len(between) == ("-41-" in name)
 
 
 def test_further_groups_of_a_cell_have_columns_of_their_own():

@@ -18,6 +18,7 @@ from dvr_cli.files.gmsh.elements import Elements, join_consecutive, merge_repeat
 from dvr_cli.files.gmsh.nodes import Nodes
 from dvr_cli.files.gmsh.tags import TagIndex
 from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.mesh.ranks import ranks
 
 
 def make_mesh(
@@ -97,20 +98,9 @@ def _regions(blocks: list[Elements], physical: np.ndarray) -> list[np.ndarray]:
     entities = np.concatenate([block.geometrical for block in blocks])
     region = np.zeros(len(entities), np.int64)
     for column in (dimensions, entities, *np.sort(physical, axis=1).T):
-        place = _ranks(column)
-        region = _ranks(region * (place.max(initial=0) + 1) + place)
+        place = ranks(column)
+        region = ranks(region * (place.max(initial=0) + 1) + place)
     return np.split((region + 1).astype(np.int32), np.cumsum(sizes)[:-1])
-
-
-def _ranks(values: np.ndarray) -> np.ndarray:
-    """The rank of each of (n,) integers among their distinct values, from 0."""
-    lowest = values.min(initial=0)
-    spread = int(values.max(initial=0)) - int(lowest)
-    if spread > 4 * len(values) + 1000:
-        return np.unique(values, return_inverse=True)[1]
-    used = np.zeros(spread + 1, bool)
-    used[values - lowest] = True
-    return (np.cumsum(used) - 1)[values - lowest]
 
 
 def _fields(views: list[View], index: TagIndex, position: np.ndarray, size: int) -> dict[str, np.ndarray]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from dvr_cli.errors import InputError
@@ -10,16 +12,27 @@ from dvr_cli.files.gmsh.elements import MAX_GROUPS, Elements
 from dvr_cli.files.gmsh.nodes import NodeBlocks, Nodes
 from dvr_cli.files.gmsh.numbers import Numbers
 
-# The physical tags of every entity that has some, by (dimension, entity tag).
-PhysicalTags = dict[tuple[int, int], list[int]]
+Entity = tuple[int, int]  # dimension, tag
 
 
-def read_entities(numbers: Numbers, partitioned: bool) -> PhysicalTags:
-    """Read $Entities, or $PartitionedEntities, for the physical groups of each entity.
+class Entities(NamedTuple):
+    """What is known of the entities of a model.
+
+    physical: the physical tags of every entity that has some. whole: the tag of the entity of which one of
+    the same dimension is the part in one partition. between: those that lie between partitions, which
+    partitioning made.
+    """
+
+    physical: dict[Entity, list[int]]
+    whole: dict[Entity, int]
+    between: set[Entity]
+
+
+def read_entities(numbers: Numbers, partitioned: bool, into: Entities) -> None:
+    """Read $Entities, or $PartitionedEntities, ``into`` what is known.
 
     Gmsh gives a group a negative tag where it runs against the entity's orientation; the sign is dropped.
     """
-    physical: PhysicalTags = {}
     if partitioned:
         numbers.record("q")  # number of partitions
         (ghosts,) = numbers.record("q")
@@ -28,7 +41,11 @@ def read_entities(numbers: Numbers, partitioned: bool) -> PhysicalTags:
         box = "3dq" if dimension == 0 else "6dq"
         for _ in range(entities):
             if partitioned:
-                tag, _, _, partitions = numbers.record("3iq")
+                tag, parent_dimension, parent, partitions = numbers.record("3iq")
+                if parent_dimension == dimension:
+                    into.whole[dimension, tag] = parent
+                else:
+                    into.between.add((dimension, tag))
                 numbers.skip("i", partitions)
                 groups = numbers.record(box)[-1]
             else:
@@ -37,12 +54,11 @@ def read_entities(numbers: Numbers, partitioned: bool) -> PhysicalTags:
                 tags = numbers.integers("i", groups)
                 if groups > MAX_GROUPS:
                     raise InputError(f"an entity is in {groups} physical groups; dvr takes {MAX_GROUPS}")
-                physical[dimension, tag] = abs(tags).tolist()
+                into.physical[dimension, tag] = abs(tags).tolist()
             if dimension > 0:
                 (bounds,) = numbers.record("q")
                 numbers.skip("i", bounds)
     numbers.finish()
-    return physical
 
 
 def read_nodes(numbers: Numbers) -> Nodes:
@@ -67,29 +83,37 @@ def read_nodes(numbers: Numbers) -> Nodes:
     return nodes
 
 
-def read_elements(numbers: Numbers, physical: PhysicalTags) -> list[Elements]:
-    """Read $Elements; the physical tags of an element are those of its entity, or 0."""
+def read_elements(numbers: Numbers, entities: Entities) -> tuple[list[Elements], int]:
+    """Read $Elements; the physical tags of an element are those of its entity, or 0.
+
+    Elements of a partition count to the entity that was partitioned. Elements between partitions are left
+    out, as they bound nothing but these; how many is returned, too.
+    """
     blocks, declared, _, _ = numbers.record("4q")
-    elements = []
+    elements: list[Elements] = []
+    left_out = 0
     for _ in range(blocks):
         dimension, entity, code, count = numbers.record("3iq")
         width = 1 + cell_type(code).nodes
         table = numbers.integers("q", count * width).reshape(count, width)
-        groups = physical.get((dimension, entity), [0])
+        if (dimension, entity) in entities.between:
+            left_out += count
+            continue
+        groups = entities.physical.get((dimension, entity), [0])
         elements.append(
             Elements(
                 code,
                 numbers=table[:, 0],
                 nodes=table[:, 1:],
-                geometrical=np.full(count, entity),
+                geometrical=np.full(count, entities.whole.get((dimension, entity), entity)),
                 physical=np.full((count, len(groups)), groups),
             )
         )
     numbers.finish()
-    held = sum(len(block.numbers) for block in elements)
+    held = sum(len(block.numbers) for block in elements) + left_out
     if held != declared:
         raise InputError(f"section $Elements declares {declared} elements and holds {held}")
-    return elements
+    return elements, left_out
 
 
 def read_periodic(numbers: Numbers) -> np.ndarray:

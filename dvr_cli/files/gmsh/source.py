@@ -22,7 +22,8 @@ from dvr_cli.files.gmsh.sections import Header, Section, find_sections, read_hea
 from dvr_cli.files.source import Source, differing
 from dvr_cli.mesh.mesh import Mesh
 
-_Parts = tuple[Nodes, list[Elements], np.ndarray]  # the last: periodic pairs of node tags
+# with periodic pairs of node tags, and how many elements between partitions were left out
+_Parts = tuple[Nodes, list[Elements], np.ndarray, int]
 _NO_PAIRS = np.empty((0, 2), np.int64)
 
 
@@ -76,30 +77,34 @@ def read(data: bytes) -> GmshSource:
     with np.errstate(invalid="ignore"):  # a NaN for an integer is found out after its conversion
         names = read_physical_names(data, once["PhysicalNames"]) if "PhysicalNames" in once else []
         views = [read_view(data, section, header) for section in sections.views]
-        nodes, elements, periodic = (_read_msh2 if version_2 else _read_msh4)(data, header, once)
+        nodes, elements, periodic, left_out = (_read_msh2 if version_2 else _read_msh4)(data, header, once)
         mesh = make_mesh(
             nodes, elements, names, periodic, [view for view in views if view], repeated=version_2
         )
-    return GmshSource(data, mesh, header, once["Nodes"], nodes.blocks)
+    source = GmshSource(data, mesh, header, once["Nodes"], nodes.blocks)
+    source.unread += [f"not kept: {left_out} elements between partitions"] if left_out else []
+    return source
 
 
 def _read_msh2(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
     nodes = msh2.read_nodes(data, once["Nodes"], header)
     elements = msh2.read_elements(data, once["Elements"], header) if "Elements" in once else []
     periodic = msh2.read_periodic(data, once["Periodic"]) if "Periodic" in once else _NO_PAIRS
-    return nodes, elements, periodic
+    return nodes, elements, periodic, 0
 
 
 def _read_msh4(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
-    physical: msh4.PhysicalTags = {}
+    entities = msh4.Entities({}, {}, set())
     for name in ("Entities", "PartitionedEntities"):
         if name in once:
             numbers = read_numbers(data, once[name], header)
-            physical |= msh4.read_entities(numbers, partitioned=name == "PartitionedEntities")
+            msh4.read_entities(numbers, name == "PartitionedEntities", entities)
     nodes = msh4.read_nodes(read_numbers(data, once["Nodes"], header))
-    elements, periodic = [], _NO_PAIRS
+    elements: list[Elements] = []
+    left_out, periodic = 0, _NO_PAIRS
     if "Elements" in once:
-        elements = msh4.read_elements(read_numbers(data, once["Elements"], header, np.int64), physical)
+        numbers = read_numbers(data, once["Elements"], header, np.int64)
+        elements, left_out = msh4.read_elements(numbers, entities)
     if "Periodic" in once:
         periodic = msh4.read_periodic(read_numbers(data, once["Periodic"], header))
-    return nodes, elements, periodic
+    return nodes, elements, periodic, left_out

@@ -17,7 +17,8 @@ from dvr_cli.files.nastran.elements import KINDS
 from dvr_cli.files.nastran.source import read
 from dvr_cli.files.source import InputFile, Source
 from dvr_cli.mesh.mesh import Mesh
-from dvr_cli.mesh.regions import region_names, regions_of
+from dvr_cli.mesh.region_choice import regions_of
+from dvr_cli.mesh.regions import region_names
 
 # The card of each cell type; a rod needs no direction, which a bar would.
 _CARDS = {
@@ -126,7 +127,7 @@ def _properties(mesh: Mesh) -> tuple[list[np.ndarray], list[str]]:
         )
         rest = mesh.cell_data.keys() - {names[0]}
     else:
-        joined = regions_of(mesh, list(range(len(mesh.cells)))) + 1
+        joined = regions_of(mesh, list(range(len(mesh.cells))))[0] + 1
         numbers = np.split(joined, np.cumsum([len(block.vertices) for block in mesh.cells])[:-1])
         rest = {*mesh.cell_data}
         lost += [f"regions ({', '.join(names)}) are numbered anew as nastran:property"] if names else []

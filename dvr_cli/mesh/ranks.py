@@ -1,0 +1,19 @@
+"""Ranks: numbers without gaps for values that may have any."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def ranks(values: np.ndarray) -> np.ndarray:
+    """The rank of each of (n,) values among the distinct ones, from 0; integers are seldom sorted for it."""
+    if values.dtype.kind not in "iu" or not len(values):
+        return np.unique(values, return_inverse=True)[1]
+    lowest = values.min()
+    spread = int(values.max()) - int(lowest)
+    if spread > 4 * len(values) + 1000:
+        return np.unique(values, return_inverse=True)[1]
+    offset = (values.astype(np.int64) if spread < 2**62 else values) - lowest.astype(np.int64)
+    used = np.zeros(spread + 1, bool)
+    used[offset] = True
+    return (np.cumsum(used) - 1)[offset]
