@@ -66,9 +66,11 @@ def test_optimum_at_the_crossing_of_two_curves():
 # --------------------------------------------------------------------------- 3.5: random points in the square
 
 
-def test_q1_of_a_delaunay_mesh_grows_by_a_factor_over_50_in_each_of_20_trials():
+@pytest.mark.parametrize("trials", [5, pytest.param(20, marks=pytest.mark.long)])
+def test_q1_of_a_delaunay_mesh_grows_by_a_factor_over_50_in_each_trial(trials):
     """99 points, 86 of them interior. The paper's Q1 grows by factors exceeding 80, with these points too.
 
+    The paper makes 20 trials.
     Their seed is the first of 0, 1, 2, ... with 86 interior points and a Q1 between 0.004 and 0.006: as poor
     as the paper's mesh must be for Q1 to grow about a hundredfold. The outcome had no say in the choice.
     """
@@ -76,7 +78,7 @@ def test_q1_of_a_delaunay_mesh_grows_by_a_factor_over_50_in_each_of_20_trials():
     report = mesh_quality(mesh)
     assert report.relaxed == 86
     assert 0.004 < report.quality.q1 < 0.006
-    for trial in range(20):
+    for trial in range(trials):
         _, report = dvr_cli.smooth(
             mesh.points,
             {"triangle": mesh.cells[0].vertices},
