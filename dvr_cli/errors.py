@@ -1,4 +1,4 @@
-"""What can go wrong for a user, and the exit code each kind has on the command line.
+"""Errors that a user can cause, and the exit code each kind has on the command line.
 
 Every error a user can cause is one of these, with a message of one line that names the file or the
 option, the cause and, where there is one, the remedy.

@@ -52,7 +52,7 @@ def forget_outdated(directory: str) -> None:
 
 @cache
 def _last_change() -> float:
-    """When a source was changed last, this one or any in the package's folders with compiled modules."""
+    """The time of the last change of a source: of this one, or any in the folders with compiled modules."""
     package = Path(__file__).parent
     folders = {path.relative_to(package).parts[0] for path in package.rglob("*_numba.py")}
     sources = [path for folder in folders for path in (package / folder).rglob("*.py")]

@@ -47,7 +47,7 @@ NOT_NEGATIVE = Values(float, 0, must="be a number that is not negative")
 
 @dataclass(frozen=True)
 class Variant:
-    """What is different about an option in one command; None: nothing."""
+    """The differences of an option in one command; None: no difference."""
 
     default: Any = None
     names: tuple[str, ...] | None = None

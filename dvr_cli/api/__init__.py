@@ -1,4 +1,4 @@
-"""What ``import dvr_cli`` offers: arrays or ``meshio.Mesh`` in, arrays or ``meshio.Mesh`` out."""
+"""The Python interface, ``import dvr_cli``: arrays or ``meshio.Mesh`` in, arrays or ``meshio.Mesh`` out."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def quality_report(
 
 
 def compare(before: meshio.Mesh, *after: meshio.Mesh) -> Comparison:
-    """How meshes of one connectivity rank in the paper's ordering of quality vectors (eq. 2).
+    """Rank meshes of one connectivity in the paper's ordering of quality vectors (eq. 2).
 
     Raises UsageError for one mesh alone, InputError when their cells differ.
     """
@@ -126,13 +126,13 @@ def compare_meshes(meshes: Sequence[Mesh]) -> Comparison:
 
 
 def same_connectivity(meshes: Sequence[Mesh]) -> bool:
-    """Whether meshes have equally many points and the same cells in the same order."""
-    first = meshes[0]
+    """True if meshes have equally many points and the same cells in the same order."""
+    reference = meshes[0]
     return all(
-        (len(first.points), len(first.cells)) == (len(other.points), len(other.cells))
+        (len(reference.points), len(reference.cells)) == (len(other.points), len(other.cells))
         and all(
             x.type == y.type and np.array_equal(x.vertices, y.vertices)
-            for x, y in zip(first.cells, other.cells, strict=True)
+            for x, y in zip(reference.cells, other.cells, strict=True)
         )
         for other in meshes[1:]
     )

@@ -1,4 +1,4 @@
-"""How the boundary takes part: which vertices move freely, slide, or are projected to the input's shape."""
+"""The part of the boundary: vertices that move freely, slide, or are projected to the input's shape."""
 
 from __future__ import annotations
 
@@ -23,28 +23,31 @@ from dvr_cli.relax.sweeps import Relaxation
 from dvr_cli.report.records import BoundaryChange
 
 _USUAL_DEVIATION = 1e-3  # bound on the deviation, in diagonals of the bounding box
-# What part of the bound the distance at the points looked at may take: between them it is somewhat larger.
+# The part of the bound that the distance at the points looked at may take: between them it is larger.
 # Should the measured deviation exceed the bound nevertheless, the next smaller part is tried.
 _SHARES = (0.7, 0.35, 0.1)
 
 
 @dataclass(frozen=True)
 class Moves:
-    """What each vertex may do: move within its freedom, or along a curved boundary."""
+    """The moves open to each vertex: within its freedom, or along a curved boundary.
+
+    parts: the curved parts of the boundary, None where no vertex moves along them.
+    """
 
     freedom: Freedom
-    curved: SmoothParts | None
+    parts: SmoothParts | None
 
     @property
     def relaxed(self) -> np.ndarray:
         """(m,) the vertices that may move, in index order: I_R."""
-        if self.curved is None:
+        if self.parts is None:
             return self.freedom.relaxed
-        return np.sort(np.concatenate([self.freedom.relaxed, self.curved.projected]))
+        return np.sort(np.concatenate([self.freedom.relaxed, self.parts.projected]))
 
 
 def moves_of(mesh: Mesh, domain: Domain, boundary: str, selected: np.ndarray, feature_angle: float) -> Moves:
-    """What each vertex of a mesh may do when its boundary is treated as ``boundary`` says.
+    """The moves open to each vertex of a mesh with its boundary treated as ``boundary`` says.
 
     domain: that of the mesh, or a part of it. selected: (N,) bool, all others stay. feature_angle: degrees.
     """
@@ -63,21 +66,21 @@ def moves_of(mesh: Mesh, domain: Domain, boundary: str, selected: np.ndarray, fe
             return Moves(flat, None)
         smooth = features_of(domain.points, domain.interior, constraints, angle)
     smooth = replace(smooth, freedom=smooth.freedom.only(selected))
-    curved = smooth_parts_of(domain.points, constraints, smooth, flat)
-    return Moves(curved.exact, curved if len(curved.projected) else None)
+    parts = smooth_parts_of(domain.points, constraints, smooth, flat)
+    return Moves(parts.exact, parts if len(parts.projected) else None)
 
 
-def projected(
+def relax_with_projection(
     run: Callable[[Projection], Relaxation],
     domain: Domain,
-    curved: SmoothParts,
+    parts: SmoothParts,
     field: DirectionField,
     options: SmoothOptions,
 ) -> tuple[Relaxation, np.ndarray, BoundaryChange]:
     """Relax with a projection, so that the boundary comes nowhere farther from the input than the bound.
 
     run: relaxes with a given projection. Returns the outcome, the corners of a surface that are turned over,
-    and what became of the boundary.
+    and the change of the boundary.
     """
     points = domain.points
     field = _given_or_random(field, points, options.seed)
@@ -87,7 +90,7 @@ def projected(
         bound = _USUAL_DEVIATION * float(np.linalg.norm(np.ptp(used, axis=0)))
     for share in _SHARES:
         limit = share * bound
-        projection = Projection(domain.corners, points, curved, field, limit, options.order, options.seed)
+        projection = Projection(domain.corners, points, parts, field, limit, options.order, options.seed)
         outcome = run(projection)
         deviation = projection.deviation(outcome.points)
         if deviation <= bound or outcome.stopped_because.cuts_short:
@@ -95,7 +98,7 @@ def projected(
     inverted = projection.inverted
     if deviation > bound:
         outcome = Relaxation(points, outcome.sweeps, StopReason.DEVIATION)
-        deviation, inverted = 0.0, Projection(domain.corners, points, curved, field, 0.0).inverted
+        deviation, inverted = 0.0, Projection(domain.corners, points, parts, field, 0.0).inverted
     (volume, area), (new_volume, new_area) = extent(domain, points), extent(domain, outcome.points)
     change = BoundaryChange(
         deviation=deviation,
@@ -108,10 +111,10 @@ def projected(
 
 def _given_or_random(field: DirectionField, points: np.ndarray, seed: int) -> DirectionField:
     """The same field, with random directions in sweeps of steepest ascent, which projection does not know."""
-    drawn = random_field(points.shape[1], len(points), seed)
+    random = random_field(points.shape[1], len(points), seed)
 
     def given(sweep: int, at: np.ndarray, vertices: np.ndarray) -> np.ndarray | Ascent:
         directions = field(sweep, at, vertices)
-        return drawn(sweep, at, vertices) if isinstance(directions, Ascent) else directions
+        return random(sweep, at, vertices) if isinstance(directions, Ascent) else directions
 
     return given

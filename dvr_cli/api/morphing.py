@@ -41,8 +41,8 @@ def morph_mesh(
     """Displace the held vertices of a valid Mesh and relax the others; its new points (N, D) and the report.
 
     displacement, near: see ``Relaxer.relax``. options: how to relax in each substep, in sweeps alone.
-    storage, on_sweep, interrupted: see ``smooth_mesh``; interrupted, it returns the mesh of the last substep
-    that left it valid.
+    storage, on_sweep, interrupted: see ``smooth_mesh``; interrupted, it returns the mesh of the last valid
+    substep.
 
     Raises InputError for a mesh that is not valid to begin with, and when even the smallest substep would
     leave elements inverted; OutputError if rounding in the storage would invert elements.
@@ -50,25 +50,25 @@ def morph_mesh(
     relaxer = Relaxer.of(mesh, options)
     domain = relaxer.domain
     shift = relaxer.shift(displacement)
-    chosen = None if near is None else relaxer.near((shift != 0).any(axis=1), near)
-    relaxed = np.flatnonzero(domain.interior if chosen is None else domain.interior & chosen)
+    selected = None if near is None else relaxer.near((shift != 0).any(axis=1), near)
+    relaxed = np.flatnonzero(domain.interior if selected is None else domain.interior & selected)
     before = measure(domain, mesh.points, relaxed)
-    _check_possible(domain, before, relaxer.displaced(mesh.points, mesh.points + shift), relaxed)
+    _check_possible(domain, before, relaxer.displace(mesh.points, mesh.points + shift), relaxed)
 
-    begin = time.perf_counter()
+    start = time.perf_counter()
     points, reached, length = mesh.points.copy(), 0.0, 1.0
     substeps: list[dict[str, Any]] = []
     sweeps: list[Sweep] = []
-    ended = StopReason.INTERRUPTED
+    reason = StopReason.INTERRUPTED
 
-    def renumbered(sweep: Sweep) -> Sweep:
+    def renumber(sweep: Sweep) -> Sweep:
         return replace(sweep, sweep=len(sweeps) + sweep.sweep)
 
     while reached < 1.0 and not interrupted():
         length = min(length, 1.0 - reached)
-        target = relaxer.displaced(points, mesh.points + (reached + length) * shift)
+        target = relaxer.displace(points, mesh.points + (reached + length) * shift)
         moved, step = relaxer.step(
-            target, chosen, on_sweep and (lambda sweep: on_sweep(renumbered(sweep))), interrupted
+            target, selected, on_sweep and (lambda sweep: on_sweep(renumber(sweep))), interrupted
         )
         if not _valid(domain, moved):
             length /= 2
@@ -84,11 +84,11 @@ def morph_mesh(
                 "sweeps": len(step.sweeps),
             }
         )
-        sweeps += [renumbered(sweep) for sweep in step.sweeps]
-        ended = step.stopped_because
-    seconds = time.perf_counter() - begin
+        sweeps += [renumber(sweep) for sweep in step.sweeps]
+        reason = step.stopped_because
+    seconds = time.perf_counter() - start
 
-    stopped_because = ended if reached == 1.0 else StopReason.INTERRUPTED
+    stopped_because = reason if reached == 1.0 else StopReason.INTERRUPTED
     phase = Morphed("morph", len(sweeps), stopped_because, fraction=reached, substeps=substeps)
     points, after = _kept(domain, points, relaxed, storage)
     return points, SmoothReport(
@@ -108,7 +108,7 @@ def morph_mesh(
 
 
 def _valid(domain: Domain, points: np.ndarray) -> bool:
-    """Whether no element is inverted or degenerate."""
+    """True if no element is inverted or degenerate."""
     qualities = corner_qualities(domain.flatten(points), domain.corners, domain.backend)
     return bool(qualities.min() > DEGENERATE)
 
@@ -125,7 +125,7 @@ def _check_possible(domain: Domain, before: Quality, target: np.ndarray, relaxed
 
 
 def _too_far(domain: Domain, points: np.ndarray, relaxed: np.ndarray, reached: float) -> str:
-    """What to say when relaxing could not keep the mesh valid."""
+    """The message for a displacement that relaxing could not follow."""
     worst = measure(domain, points, relaxed, worst=1).worst[0]
     place = ", ".join(f"{x:.4g}" for x in worst.centroid)
     return (

@@ -1,4 +1,4 @@
-"""How to smooth: all options of ``dvr smooth`` and ``smooth``, checked as far as that needs no mesh."""
+"""The options of ``dvr smooth`` and ``smooth``, checked as far as that needs no mesh."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dvr_cli.files.arrays import read_directions, read_vertices, whole_numbers
 from dvr_cli.mesh.region_choice import RegionChoice
 from dvr_cli.options import OPTIONS, check_fields, check_names, default
 from dvr_cli.relax.directions import Entry, check_name
-from dvr_cli.relax.engines.choice import checked_threads, chosen_engine, has_numba
+from dvr_cli.relax.engines.choice import choose_engine, has_numba, thread_count
 from dvr_cli.relax.stopping import Stopping
 
 BOUNDARIES = OPTIONS["boundary"].values.names  # each frees the vertices of those before it, and more
@@ -33,7 +33,7 @@ Vertices = str | Path | np.ndarray | Sequence[int]
 
 @dataclass(frozen=True)
 class SmoothOptions:
-    """How to relax; the fields are those of ``dvr smooth --help``.
+    """The options of a run; the fields are those of ``dvr smooth --help``.
 
     directions: comma-separated names, an array (N, d) or (K, N, d), or a list of these, one a sweep, cycled.
     center, axis: for "circumferential" and "radial"; default the centroid of the points and the z axis.
@@ -100,8 +100,8 @@ class SmoothOptions:
         if self.preset is not None:
             self._take_preset(self.preset)
         check_fields(self)
-        chosen_engine(self.engine, 0, 0)
-        checked_threads(self.threads)
+        choose_engine(self.engine, 0, 0)
+        thread_count(self.threads)
         for entry in self.entries:
             if isinstance(entry, str):
                 check_name(entry)
@@ -122,17 +122,17 @@ class SmoothOptions:
 
     @property
     def takes_patches(self) -> bool:
-        """Whether patches are to be relaxed."""
+        """True if patches are to be relaxed."""
         return self._is_free and has_numba() if self.patches is None else self.patches
 
     @property
     def takes_polish(self) -> bool:
-        """Whether to polish."""
+        """True if the run is to be polished."""
         return self._is_free if self.polish is None else self.polish
 
     @property
     def _is_free(self) -> bool:
-        """Whether nobody prescribed along what vertices move."""
+        """True if nobody prescribed the directions in which vertices move."""
         return isinstance(self.directions, str) and self.directions == default("directions")
 
     @cached_property

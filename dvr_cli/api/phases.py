@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from dvr_cli.api.boundary import Moves, projected
+from dvr_cli.api.boundary import Moves, relax_with_projection
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.mesh.domain import Domain
-from dvr_cli.relax.directions import DirectionField, restricted
+from dvr_cli.relax.directions import DirectionField, restrict_field
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.patches.phase import relax_patches
 from dvr_cli.relax.phases import Phase, Polished
@@ -23,11 +23,11 @@ from dvr_cli.report.records import BoundaryChange
 
 
 class Run:
-    """A run: where its phases have brought the vertices, and what each of them did.
+    """A run: where its phases have brought the vertices, and a record of each.
 
     points: (N, d) coordinates reached. phases: as in SmoothReport. sweeps: of all phases.
-    untangling: what untangling did. inverted: the corners of a surface that are turned over.
-    boundary: what became of a projected boundary. All three are None without that.
+    untangling: the result of untangling. inverted: the corners of a surface that are turned over.
+    boundary: the change of a projected boundary. All three are None without that.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class Run:
         """Begin at the points of the domain; on_sweep, interrupted: see ``sweeps.relax``."""
         self._domain, self._moves, self._engine, self._options = domain, moves, engine, options
         self._on_sweep, self._interrupted = on_sweep, interrupted
-        self._begin = time.perf_counter()
+        self._start = time.perf_counter()
         self.points = domain.points
         self.stopped_because = StopReason.NOTHING_TO_RELAX
         self.phases: list[Phase] = []
@@ -54,7 +54,7 @@ class Run:
     @property
     def seconds(self) -> float:
         """Since the run began."""
-        return time.perf_counter() - self._begin
+        return time.perf_counter() - self._start
 
     def untangle(self) -> None:
         """Make inverted elements positive."""
@@ -64,17 +64,18 @@ class Run:
 
     def relax(self, field: DirectionField) -> None:
         """Sweep along the directions of ``field``, as far as the vertices are free to follow."""
-        start, stopping, directions = self.points, self._left(), restricted(field, self._moves.freedom)
+        points, stopping = self.points, self._remaining()
+        directions = restrict_field(field, self._moves.freedom)
 
         def sweep(projection: Projection | None) -> Relaxation:
             hooks = self._on_sweep, self._interrupted
-            return relax(self._engine, start, directions, stopping, *hooks, projection)
+            return relax(self._engine, points, directions, stopping, *hooks, projection)
 
-        if self._moves.curved is None:
+        if self._moves.parts is None:
             outcome = sweep(None)
         else:
-            outcome, self.inverted, self.boundary = projected(
-                sweep, self._domain, self._moves.curved, field, self._options
+            outcome, self.inverted, self.boundary = relax_with_projection(
+                sweep, self._domain, self._moves.parts, field, self._options
             )
         self._enter("relax", outcome)
 
@@ -82,7 +83,7 @@ class Run:
         """Move the surroundings of the worst elements jointly."""
         if self.stopped_because in (StopReason.CONVERGED, StopReason.MAX_ITERATIONS) and self._engine.batches:
             hooks = self._on_sweep, self._interrupted
-            self._enter("patches", relax_patches(self._engine, self._left(), len(self.sweeps), *hooks))
+            self._enter("patches", relax_patches(self._engine, self._remaining(), len(self.sweeps), *hooks))
 
     def polish(self, least: float) -> None:
         """Raise the mean quality; no quality falls below ``least`` or the options' floor."""
@@ -90,7 +91,7 @@ class Run:
             return
         floor = max(self._options.floor * self._engine.q1(), least)
         hooks = self._on_sweep, self._interrupted
-        outcome = polish(self._engine, floor, self._left(), len(self.sweeps), *hooks)
+        outcome = polish(self._engine, floor, self._remaining(), len(self.sweeps), *hooks)
         ended = outcome.stopped_because
         reason = ended if ended.cuts_short else self.stopped_because
         self._take_over(outcome)
@@ -104,7 +105,7 @@ class Run:
         self.phases[-1] = replace(self.phases[-1], sweeps=0, stopped_because=StopReason.UNDONE)
 
     def _enter(self, name: str, outcome: Relaxation) -> None:
-        """Take over what a phase did, and record it."""
+        """Take over the result of a phase, and record it."""
         self._take_over(outcome)
         self.phases.append(Phase(name, len(outcome.sweeps), outcome.stopped_because))
 
@@ -112,8 +113,8 @@ class Run:
         self.points, self.stopped_because = outcome.points, outcome.stopped_because
         self.sweeps += outcome.sweeps
 
-    def _left(self) -> Stopping:
+    def _remaining(self) -> Stopping:
         return self._options.stopping.less(self.seconds)
 
     def _time_is_up(self) -> bool:
-        return self._interrupted() or self._left().time_limit == 0
+        return self._interrupted() or self._remaining().time_limit == 0

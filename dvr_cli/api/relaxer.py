@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dvr_cli.api.options import SmoothOptions
-from dvr_cli.api.smoothing import worse
+from dvr_cli.api.smoothing import is_worse
 from dvr_cli.boundary.freedom import interior_freedom
 from dvr_cli.errors import InputError, UsageError
 from dvr_cli.mesh.convert import as_mesh
@@ -22,8 +22,8 @@ from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.options import check_names, default
 from dvr_cli.quality.measure import measure
-from dvr_cli.relax.directions import direction_field, restricted
-from dvr_cli.relax.engines.choice import chosen_engine
+from dvr_cli.relax.directions import direction_field, restrict_field
+from dvr_cli.relax.engines.choice import choose_engine
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import StopReason
@@ -42,7 +42,7 @@ _OPTIONS = (
 
 @dataclass(frozen=True)
 class RelaxReport:
-    """What one step did.
+    """The record of one step.
 
     q1_before: Q1 with the boundary moved, before any relaxing; q1_after: in the end. None if nothing relaxed.
     relaxed: how many vertices could move. sweeps, stopped_because: as in the report of ``smooth``.
@@ -84,7 +84,7 @@ class Relaxer:
         options: those of ``smooth`` about directions, stopping, order, engine, regions, and ``straighten``.
 
         A step is a phase of sweeps alone, along random directions by default: patches and polishing, which
-        take longer than a step should, are left to ``smooth``.
+        take longer than a step should, belong to ``smooth``.
 
         The first mesh settles which cells are stored inside out, the plane of a planar mesh, and the coloured
         order. ``relax(points)`` gives what ``smooth(points, ...)`` gives without these: to the last bit for
@@ -104,8 +104,8 @@ class Relaxer:
         return relaxer
 
     def _prepare(self, mesh: Mesh, options: SmoothOptions) -> None:
-        mesh = replace(mesh, points=mesh.points.copy())  # what is kept must not change with the caller's
-        self.engine_kind = chosen_engine(options.engine, len(mesh.points), options.stopping.max_iterations)
+        mesh = replace(mesh, points=mesh.points.copy())  # a copy: the caller may change its own
+        self.engine_kind = choose_engine(options.engine, len(mesh.points), options.stopping.max_iterations)
         self.threads = self.engine_kind.threads(options.threads)
         self._options = options
         self._point_data = mesh.point_data
@@ -132,7 +132,7 @@ class Relaxer:
         """Relax the mesh at its next instant; returns its new points (N, 2|3) and a report.
 
         points: where all vertices are now, of the shape of the first points; default: where the last step
-            left them.
+            put them.
         displacement: (N, 2|3), by how much the held vertices move from there first; two components are x and
             y of a planar mesh in space. Rows of other vertices are not looked at, those of nodes of
             second-order cells neither: these follow their corners.
@@ -146,11 +146,11 @@ class Relaxer:
         Raises UsageError for arrays of wrong shape, InputError for coordinates that are not finite and for
         points that leave the plane of a planar mesh.
         """
-        points = self.points if points is None else self._checked(points, "points")
+        points = self.points if points is None else self._as_points(points, "points")
         if displacement is not None:
-            points = self.displaced(points, points + self.shift(displacement))
-        chosen = None if near is None else self.near((points != self.points).any(axis=1), near)
-        moved, report = self.step(points, chosen)
+            points = self.displace(points, points + self.shift(displacement))
+        selected = None if near is None else self.near((points != self.points).any(axis=1), near)
+        moved, report = self.step(points, selected)
         self.points = moved.copy()
         return moved, report
 
@@ -160,14 +160,14 @@ class Relaxer:
         flat, space = (len(self.points), 2), self.points.shape[1]
         if displacement.shape == flat and space == 3 and self.domain.plane is not None:
             displacement = np.pad(displacement, ((0, 0), (0, 1)))
-        displacement = self._checked(displacement, "displacement")
+        displacement = self._as_points(displacement, "displacement")
         shift = np.where((self.held & ~self._carried)[:, None], displacement, 0.0)
         bad = np.flatnonzero(~np.isfinite(shift).all(axis=1))
         if len(bad):
             raise InputError(f"the displacement of vertex {bad[0]} (counted from 0) is not finite")
         return shift
 
-    def displaced(self, points: np.ndarray, places: np.ndarray) -> np.ndarray:
+    def displace(self, points: np.ndarray, places: np.ndarray) -> np.ndarray:
         """``points`` with the held vertices put to ``places`` (N, D); further nodes follow their corners."""
         moved = np.where((self.held & ~self._carried)[:, None], places, points)
         if self.domain.mids is not None:
@@ -183,11 +183,11 @@ class Relaxer:
     def step(
         self,
         points: np.ndarray,
-        chosen: np.ndarray | None = None,
+        selected: np.ndarray | None = None,
         on_sweep: Callable[[Sweep], None] | None = None,
         interrupted: Callable[[], bool] = lambda: False,
     ) -> tuple[np.ndarray, RelaxReport]:
-        """Relax from ``points`` (N, D) the vertices marked in ``chosen`` ((N,) bool), by default all.
+        """Relax from ``points`` (N, D) the vertices marked in ``selected`` ((N,) bool), by default all.
 
         on_sweep, interrupted: see ``sweeps.relax``.
         """
@@ -200,7 +200,7 @@ class Relaxer:
         domain = replace(
             self.domain, points=np.ascontiguousarray(self.domain.flatten(points), dtype=np.float64)
         )
-        interior = domain.interior if chosen is None else domain.interior & chosen
+        interior = domain.interior if selected is None else domain.interior & selected
         freedom = interior_freedom(interior, domain.dimension)
         entries, data = options.entries, self._point_data
         field = direction_field(entries, domain, data, options.seed, options.center, options.axis)
@@ -210,13 +210,13 @@ class Relaxer:
         engine.load(domain.points)
         q1_before = engine.q1()
         outcome = relax(
-            engine, domain.points, restricted(field, freedom), options.stopping, on_sweep, interrupted
+            engine, domain.points, restrict_field(field, freedom), options.stopping, on_sweep, interrupted
         )
         q1_after, stopped_because = engine.q1(), outcome.stopped_because
         moved = domain.lift(points, outcome.points)
         if domain.is_tilted:
             relaxed = freedom.relaxed
-            if worse(measure(domain, moved, relaxed), measure(domain, points, relaxed)):
+            if is_worse(measure(domain, moved, relaxed), measure(domain, points, relaxed)):
                 moved, q1_after, stopped_because = points.copy(), q1_before, StopReason.ROUNDING
         return moved, RelaxReport(q1_before, q1_after, int(interior.sum()), outcome.sweeps, stopped_because)
 
@@ -236,7 +236,7 @@ class Relaxer:
             self._engine_moves = moves
         return self._engine
 
-    def _checked(self, values: np.ndarray, name: str) -> np.ndarray:
+    def _as_points(self, values: np.ndarray, name: str) -> np.ndarray:
         """``values`` as (N, D) float64; UsageError that calls them ``name`` for another shape."""
         array = np.asarray(values)
         if array.dtype.kind not in "fiub" or array.shape != self.points.shape:

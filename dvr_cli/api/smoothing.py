@@ -13,7 +13,7 @@ import numpy as np
 from dvr_cli.api.boundary import moves_of
 from dvr_cli.api.options import BOUNDARIES, SmoothOptions
 from dvr_cli.api.phases import Run
-from dvr_cli.api.untangling import untangle_phase, weaker
+from dvr_cli.api.untangling import reference_quality, untangle_phase
 from dvr_cli.errors import InputError, OutputError
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
@@ -21,7 +21,7 @@ from dvr_cli.quality.limits import Limit, limit_of
 from dvr_cli.quality.measure import Quality, mean_quality, measure
 from dvr_cli.quality.vector import at_least
 from dvr_cli.relax.directions import direction_field
-from dvr_cli.relax.engines.choice import chosen_engine
+from dvr_cli.relax.engines.choice import choose_engine
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import StopReason
@@ -35,7 +35,7 @@ _DONE = (
 
 
 class Storage(Protocol):
-    """Where the result will be kept: what becomes of coordinates there, and whether that can be bettered."""
+    """The place where the result will be kept; it may round coordinates."""
 
     def stored(self, points: np.ndarray) -> np.ndarray:
         """The coordinates as they will be read back."""
@@ -61,41 +61,41 @@ def smooth_mesh(
     Raises OutputError if rounding in the storage would make the mesh worse than it was.
     """
     vertices, sweeps = len(mesh.points), options.stopping.max_iterations
-    kind = chosen_engine(options.engine, vertices, sweeps, options.takes_patches)
+    kind = choose_engine(options.engine, vertices, sweeps, options.takes_patches)
     domain = domain_of(mesh, options.straighten, kind.backend, options.region_choice)
     if options.untangle and domain.is_surface:
         raise InputError("a surface in space cannot be untangled; planar and volume meshes can")
-    chosen = options.selection.masks(mesh, domain)
-    selected = np.logical_and.reduce([mesh.unlinked, *chosen.values()])
+    masks = options.selection.masks(mesh, domain)
+    selected = np.logical_and.reduce([mesh.unlinked, *masks.values()])
     moves = moves_of(mesh, domain, options.boundary, selected, options.feature_angle)
     relaxed = moves.relaxed
     field = direction_field(
         options.entries, domain, mesh.point_data, options.seed, options.center, options.axis
     )
     before = measure(domain, mesh.points, relaxed)
-    begin = time.perf_counter()
+    start = time.perf_counter()
     parts = options.order, options.seed, kind.backend, moves.freedom
     problem = build_problem(domain.corners, moves.freedom.relaxed, domain.points, *parts)
     engine = kind.make(problem, options.threads)
     mean: dict[int, float] = {}
     if means:
-        on_sweep = _taking_means(mean, engine, domain, on_sweep)
+        on_sweep = _record_means(mean, engine, domain, on_sweep)
     run, reference = Run(domain, moves, engine, options, on_sweep, interrupted), before
     if options.untangle:
         run.untangle()
-        reference = weaker(measure(domain, domain.lift(mesh.points, run.points), relaxed), before)
+        reference = reference_quality(measure(domain, domain.lift(mesh.points, run.points), relaxed), before)
     run.relax(field)
     if options.takes_patches:
         run.relax_patches()
     unpolished = run.points
     if options.takes_polish:
         run.polish(reference.q1 or 0.0)
-    seconds = time.perf_counter() - begin
+    seconds = time.perf_counter() - start
 
     def kept(flat: np.ndarray) -> tuple[np.ndarray, Quality]:
         """The points as they will be kept, and their quality."""
         points = domain.lift(mesh.points, flat)
-        if domain.is_tilted and worse(measure(domain, points, relaxed), reference):
+        if domain.is_tilted and is_worse(measure(domain, points, relaxed), reference):
             points, run.stopped_because = mesh.points.copy(), StopReason.ROUNDING
         return _kept(
             partial(measure, domain, relaxed=relaxed, inverted=run.inverted), points, reference, storage
@@ -108,8 +108,8 @@ def smooth_mesh(
     if run.untangling is not None:
         run.phases.insert(0, untangle_phase(run.untangling, domain, moves.freedom, points))
     limited_by = None
-    if run.stopped_because in _DONE or _capped(after):
-        limited_by = _limit(mesh, domain, options, chosen, relaxed, points, after)
+    if run.stopped_because in _DONE or _is_capped(after):
+        limited_by = _limit(mesh, domain, options, masks, relaxed, points, after)
     report = SmoothReport(
         mesh=summarise(mesh, domain),
         relaxed=len(relaxed),
@@ -130,10 +130,10 @@ def smooth_mesh(
     return points, report
 
 
-def _taking_means(
+def _record_means(
     mean: dict[int, float], engine: Engine, domain: Domain, on_sweep: Callable[[Sweep], None] | None
 ) -> Callable[[Sweep], None]:
-    """Before what is called after each sweep, take down the mean quality of the elements by its number."""
+    """Record each sweep's mean element quality, by its number, before calling ``on_sweep``."""
 
     def after_sweep(sweep: Sweep) -> None:
         mean[sweep.sweep] = mean_quality(domain, engine.points)
@@ -147,18 +147,18 @@ def _limit(
     mesh: Mesh,
     domain: Domain,
     options: SmoothOptions,
-    chosen: dict[str, np.ndarray],
+    masks: dict[str, np.ndarray],
     relaxed: np.ndarray,
     points: np.ndarray,
     after: Quality,
 ) -> Limit:
-    """What holds Q1; chosen: the vertices each option of selection leaves (N,)."""
-    selected = np.logical_and.reduce([mesh.unlinked, *chosen.values()])
+    """The limit of Q1; masks: for each option of selection the vertices that it lets move, (N,) bool."""
+    selected = np.logical_and.reduce([mesh.unlinked, *masks.values()])
     movable = relaxed
-    if chosen:
+    if masks:
         movable = moves_of(mesh, domain, options.boundary, mesh.unlinked, options.feature_angle).relaxed
     everywhere = np.isin(np.arange(len(mesh.points)), movable)
-    deselected = {name: everywhere & ~mask for name, mask in chosen.items()}
+    deselected = {name: everywhere & ~mask for name, mask in masks.items()}
     others = () if domain.is_surface else BOUNDARIES[BOUNDARIES.index(options.boundary) + 1 :]
 
     def freed(name: str, vertices: np.ndarray) -> np.ndarray:
@@ -177,10 +177,10 @@ def _kept(
         return points, measured(points)
     kept = storage.stored(points)
     after = measured(kept)
-    if worse(after, before) and storage.widen():
+    if is_worse(after, before) and storage.widen():
         kept = storage.stored(points)
         after = measured(kept)
-    if worse(after, before):
+    if is_worse(after, before):
         loss = (before.q1 or 0.0) - (after.q1 or 0.0)  # neither is None here
         raise OutputError(
             f"rounding the coordinates as the output stores them would lower Q1 from {before.q1:.6g} by "
@@ -189,13 +189,13 @@ def _kept(
     return kept, after
 
 
-def worse(after: Quality, before: Quality) -> bool:
-    """Whether a mesh got a lower Q1 or more inverted elements."""
+def is_worse(after: Quality, before: Quality) -> bool:
+    """True if a mesh got a lower Q1 or more inverted elements."""
     if after.q1 is None or before.q1 is None:
         return False
     return after.inverted > before.inverted or after.q1 < before.q1
 
 
-def _capped(quality: Quality) -> bool:
-    """Whether the worst element has no relaxed vertex, so that relaxing on cannot better it."""
+def _is_capped(quality: Quality) -> bool:
+    """True if the worst element has no relaxed vertex, so that relaxing on cannot improve it."""
     return quality.q1 is None or quality.minimum < quality.q1

@@ -1,4 +1,4 @@
-"""What smoothing makes of the stage of untangling: its phase in the report, and what not to fall behind."""
+"""Untangling as a phase of smoothing: its record, and the quality that later phases must keep."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dvr_cli.relax.untangle.phase import Untangling
 
 
 def untangle_phase(untangling: Untangling, domain: Domain, freedom: Freedom, points: np.ndarray) -> Untangled:
-    """The phase of untangling, with what is left tangled in the end, at ``points``."""
+    """The phase of untangling, with the elements that stay tangled in the end, at ``points``."""
     return Untangled(
         phase="untangle",
         sweeps=0,
@@ -25,9 +25,10 @@ def untangle_phase(untangling: Untangling, domain: Domain, freedom: Freedom, poi
     )
 
 
-def weaker(untangled: Quality, before: Quality) -> Quality:
-    """What a result that started ``untangled`` must not be worse than: Q1 may be below that ``before``, as
-    untangling minds how many elements are inverted, not how much.
+def reference_quality(untangled: Quality, before: Quality) -> Quality:
+    """The quality that a run must keep after untangling, given that of the mesh ``untangled`` and ``before``.
+
+    Q1 may be below that of the input: untangling minds how many elements are inverted, not how much.
     """
     if untangled.q1 is None or before.q1 is None:
         return before

@@ -65,7 +65,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _one_line(error: Exception) -> str:
-    """What the parser found wrong, and where to look it up."""
+    """The error of the parser in one line, with the help that explains it."""
     said = " ".join(error.format_message().split()).rstrip(".")  # type: ignore[attr-defined]
     context = getattr(error, "ctx", None)
     command = context.command_path if context else "dvr"

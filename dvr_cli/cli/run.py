@@ -1,4 +1,4 @@
-"""What the commands that move vertices have in common: read, compute, write mesh and report, sum up."""
+"""The steps that all commands that move vertices share: read, compute, write mesh and report, sum up."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _REPORTS = (".json", ".csv", ".html")
 
 
 def is_page(report: Path | None) -> bool:
-    """Whether a report goes into a page with pictures."""
+    """True if a report goes into a page with pictures."""
     return report is not None and report.suffix.lower() == ".html"
 
 

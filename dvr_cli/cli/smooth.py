@@ -1,4 +1,4 @@
-"""``dvr smooth``: what the command takes and says; ``run`` does the work."""
+"""``dvr smooth``: the arguments and help of the command; ``run`` does the work."""
 
 from __future__ import annotations
 

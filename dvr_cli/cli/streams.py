@@ -1,4 +1,4 @@
-"""What is said where: stdout carries only a mesh or a report, stderr everything else."""
+"""Standard output and error: stdout carries only a mesh or a report, stderr everything else."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def emit(text: str) -> None:
 
 
 def discard(stream: TextIO) -> None:
-    """Send what is left of a stream that cannot be written to nowhere, lest the interpreter fail on it."""
+    """Send the rest of a stream that cannot be written to nowhere: the interpreter would fail on it."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
     os.close(nowhere)
@@ -50,10 +50,10 @@ def error_line(message: str) -> str:
 
 
 def columns(stream: TextIO | None) -> int | None:
-    """How many columns the terminal has that a stream is connected to; None if it is none."""
+    """The number of columns of the terminal that a stream is connected to; None if it is none."""
     return shutil.get_terminal_size().columns if stream is not None and stream.isatty() else None
 
 
 def bar() -> str:
-    """What histograms on stdout are drawn with: a block where its encoding has it, else ASCII."""
+    """The character for histograms on stdout: a block where its encoding has it, else ASCII."""
     return "█" if (sys.stdout.encoding or "").lower().replace("-", "") == "utf8" else "#"

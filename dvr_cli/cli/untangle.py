@@ -1,4 +1,4 @@
-"""``dvr untangle``: what the command takes and says; ``run`` does the work."""
+"""``dvr untangle``: the arguments and help of the command; ``run`` does the work."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def check_name(name: str) -> None:
         raise UsageError(f"directions: unknown name {name!r}; known: {known}, file:PATH, field:NAME")
 
 
-def restricted(field: DirectionField, freedom: Freedom) -> DirectionField:
+def restrict_field(field: DirectionField, freedom: Freedom) -> DirectionField:
     """The part of a field that each vertex is free to follow, of unit length, or zero where there is none."""
     if not freedom.axis.any():
         return field
@@ -195,7 +195,7 @@ def _flat_vectors(vectors: np.ndarray, name: str, domain: Domain) -> np.ndarray:
     if checked.shape[-1] == 2:
         checked = np.concatenate([checked, np.zeros((*checked.shape[:-1], 1))], axis=-1)
     flat = domain.flatten(checked.reshape(-1, checked.shape[-1])).reshape(*checked.shape[:-1], 2)
-    # what is left of a vector across the plane is rounding, not a direction
+    # the rest of a vector across the plane is rounding, not a direction
     across = np.abs(flat).max(axis=-1) < 1e-9 * np.abs(checked).max(axis=-1)
     flat[across] = 0.0
     return flat

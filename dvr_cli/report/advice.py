@@ -11,7 +11,7 @@ FAIR = 0.5  # worst quality from which on a mesh is as good as solvers need it
 
 
 def advice(report: QualityReport) -> str:
-    """What to do about the worst element, in one line."""
+    """One line on what would help the worst element."""
     quality = report.quality
     poor = quality.inverted + quality.degenerate
     if quality.minimum >= FAIR:

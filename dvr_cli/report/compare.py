@@ -42,7 +42,7 @@ class Comparison:
 
     @property
     def better(self) -> str:
-        """Which of the first and the last mesh is better in the ordering: "before", "after" or "equal"."""
+        """The better one of the first and the last mesh in the ordering: "before", "after" or "equal"."""
         order = _order(self.before.quality.vector, self.after.quality.vector)
         return ("equal", "after", "before")[order]
 

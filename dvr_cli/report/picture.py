@@ -13,7 +13,7 @@ from matplotlib.figure import Figure, SubFigure
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.quality.measure import Quality
 from dvr_cli.report.plot import STYLE, plot_histogram, plot_sweeps, plot_vectors
-from dvr_cli.report.plot_mesh import plot_boundary, plot_cut, plot_plane, plot_surface, projected
+from dvr_cli.report.plot_mesh import plot_boundary, plot_cut, plot_plane, plot_surface, project
 
 _WIDTH = 9.0  # inches: letters of 9 points are legible where the picture is 800 pixels wide
 _MOST = 6  # meshes that are drawn; of more there are only diagrams
@@ -35,7 +35,7 @@ class State:
 
     @property
     def label(self) -> str:
-        """The name without what matplotlib takes for mathematics or for a thing to be left out of legends."""
+        """The name, so that matplotlib takes it neither for mathematics nor for one hidden from legends."""
         text = self.name.replace("$", r"\$")
         return f" {text}" if text.startswith("_") else text
 
@@ -96,7 +96,7 @@ def _meshes(figure: SubFigure, domain: Domain, states: Sequence[State], rows: in
 def _aspect(domain: Domain, points: np.ndarray) -> float:
     """Height of a mesh's picture over its width, within what a page has room for."""
     used = domain.flatten(points)[np.unique(domain.corners.vertices)]
-    width, height = np.ptp(used if used.shape[1] == 2 else projected(used), axis=0)
+    width, height = np.ptp(used if used.shape[1] == 2 else project(used), axis=0)
     return float(np.clip(height / width, 0.1, 1.3)) if width > 0 else 1.0
 
 

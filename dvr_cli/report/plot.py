@@ -91,7 +91,7 @@ def plot_sweeps(
 
 
 def _phases(sweeps: Sequence[Mapping[str, Any]]) -> Iterator[tuple[int, str]]:
-    """Where each phase of several ends, and its name."""
+    """The last sweep of each phase, where there are several, and its name."""
     names = [sweep.get("phase", "relax") for sweep in sweeps]
     if len(set(names)) > 1:
         last = [*(old for old, new in pairwise(sweeps) if old.get("phase") != new.get("phase")), sweeps[-1]]

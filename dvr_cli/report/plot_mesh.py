@@ -1,7 +1,7 @@
 """Pictures of meshes coloured by quality, each drawn into given matplotlib axes.
 
 A planar mesh is drawn as it is. Of a volume mesh there are two views, both by parallel projection with faces
-drawn from back to front: the boundary with the worst elements picked out, and what is left when the cells
+drawn from back to front: the boundary with the worst elements picked out, and the rest when the cells
 before a plane are taken away. The colour of a face is the quality of its cell.
 """
 
@@ -52,7 +52,7 @@ def plot_surface(
     worst: numbers of cells to draw a ring around.
     """
     drawn = _project(axes, points, _faces(cells), qualities, hidden=True)
-    _rings(axes, projected(_centroids(points, cells, worst)))
+    _rings(axes, project(_centroids(points, cells, worst)))
     return drawn
 
 
@@ -70,7 +70,7 @@ def plot_boundary(
     picked = np.flatnonzero(np.isin(facets.owner, worst))
     _project(axes, points, facets.sides[picked], qualities[facets.owner[picked]], edge="black", zorder=3)
     if len(qualities) > _FEW:
-        _rings(axes, projected(_centroids(points, cells, worst)))
+        _rings(axes, project(_centroids(points, cells, worst)))
     return drawn
 
 
@@ -97,7 +97,7 @@ def plot_cut(axes: Axes, points: np.ndarray, cells: Sequence[Cells], qualities: 
     return _project(axes, points, facets.sides[outside], values)
 
 
-def projected(points: np.ndarray) -> np.ndarray:
+def project(points: np.ndarray) -> np.ndarray:
     """(N, 2) places in the picture, to the right and up, of points (N, 3)."""
     right = np.cross([0.0, 0.0, 1.0], _TO_VIEWER)
     right /= np.linalg.norm(right)
@@ -125,7 +125,7 @@ def _project(
     seen = np.flatnonzero((normals @ _TO_VIEWER > 0) | hidden)
     depth = corners[seen].mean(axis=1) @ _TO_VIEWER
     seen = seen[np.argsort(depth, kind="stable")]
-    return _draw(axes, projected(points), faces[seen], values[seen], alpha, edge, zorder)
+    return _draw(axes, project(points), faces[seen], values[seen], alpha, edge, zorder)
 
 
 def _draw(

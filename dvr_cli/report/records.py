@@ -25,7 +25,7 @@ UNITS = {
 
 @dataclass(frozen=True)
 class MeshSummary:
-    """What a report says of the mesh itself.
+    """The summary of a mesh in a report.
 
     cells: number of cells by type, of all dimensions. dimension: 2 or 3. mirrored: cells stored inside out.
     regions: how many regions there are, and divided_by: what tells them apart.
@@ -45,7 +45,7 @@ class MeshSummary:
 
 @dataclass(frozen=True)
 class BoundaryChange:
-    """What became of a boundary, or a surface, whose vertices were projected.
+    """The change of a boundary, or a surface, whose vertices were projected.
 
     deviation: the largest distance between the old and the new one, measured from both, and max_deviation:
     the bound it keeps, in the unit of the coordinates. volume_change, area_change: of the domain and of its
@@ -86,8 +86,8 @@ class SmoothReport:
     phases: "relax", if asked for with "untangle" before it, "patches" and "polish" after it: for each what it
         guarantees, how many sweeps it took, why it stopped; for polishing the floor, below which no quality
         fell that was not below it before; for untangling its rounds (free vertices, elements inverted or
-        degenerate after each, seconds) and what is left of these in the result (elements), with a corner
-        whose vertices are all held (hopeless) or else near held facets that cross each other (crossing).
+        degenerate after each, seconds) and those that remain in the result (elements), of them those with a
+        corner whose vertices are all held (hopeless) or else near held facets that cross (crossing).
         Of ``dvr morph`` only "morph": what part of the displacement was made (fraction), and its substeps:
         the fraction after each, Q1 before and after relaxing (q1_before, q1), how many sweeps that took.
     sweeps: for each its number from 1 (sweep), its phase, Q1 after it (q1), vertices moved, seconds taken,

@@ -51,7 +51,7 @@ def check_plotting(what: str) -> None:
         raise UsageError(f"{what}: pictures need matplotlib: pip install 'dvr-cli[plot]'")
 
 
-def rendered(figure: Figure, suffix: str) -> bytes:
+def render(figure: Figure, suffix: str) -> bytes:
     """A figure as a file of the kind ``suffix``, one of ".svg", ".png" and ".pdf"."""
     from matplotlib import rc_context
 
@@ -64,7 +64,7 @@ def rendered(figure: Figure, suffix: str) -> bytes:
 
 def page(title: str, figure: Figure, text: str) -> bytes:
     """A page of HTML, all in itself: the figure as SVG, and a report's text below it."""
-    svg = rendered(figure, ".svg").decode()
+    svg = render(figure, ".svg").decode()
     picture = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     return _PAGE.format(title=html.escape(title), picture=picture, text=html.escape(text)).encode()
 
@@ -72,4 +72,4 @@ def page(title: str, figure: Figure, text: str) -> bytes:
 def picture_file(path: Path, title: str, figure: Figure, text: str) -> bytes:
     """The file for ``path``: a picture, or a page with the picture and a report's text, by its suffix."""
     suffix = path.suffix.lower()
-    return page(title, figure, text) if suffix == ".html" else rendered(figure, suffix)
+    return page(title, figure, text) if suffix == ".html" else render(figure, suffix)

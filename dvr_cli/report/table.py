@@ -6,22 +6,22 @@ from collections.abc import Sequence
 
 from dvr_cli.report.advice import advice
 from dvr_cli.report.compare import Comparison
-from dvr_cli.report.figures import Figure, bins, counts, figures, place, remarks
 from dvr_cli.report.records import QualityReport
+from dvr_cli.report.rows import Value, histogram_rows, mesh_rows, place, quality_rows, remarks
 from dvr_cli.report.text import notes
 
 
 def quality_table(report: QualityReport, path: str) -> str:
     """The report of ``dvr report quality`` on the mesh at ``path``, one line a figure."""
-    said = remarks(report.quality)
+    remark_on = remarks(report.quality)
     rows: list[tuple[str, ...]] = [("mesh", path), ("dimension", str(report.mesh.dimension))]
     rows += [("surface", "yes")] if report.mesh.surface else []
-    rows += [(name, str(count)) for name, count in counts(report)]
+    rows += [(name, str(count)) for name, count in mesh_rows(report)]
     rows += [
-        (name, _exact(value), said.get(name, ""))
-        for name, value in figures(report.quality, report.mesh.dimension)
+        (name, _exact(value), remark_on.get(name, ""))
+        for name, value in quality_rows(report.quality, report.mesh.dimension)
     ]
-    rows += [(f"elements {label}", str(count)) for label, count in bins(report.quality)]
+    rows += [(f"elements {label}", str(count)) for label, count in histogram_rows(report.quality)]
     rows += [
         (f"worst {i}", repr(w.quality), place(w, 6)) for i, w in enumerate(report.quality.worst, start=1)
     ]
@@ -32,13 +32,14 @@ def quality_table(report: QualityReport, path: str) -> str:
 def comparison_table(comparison: Comparison, paths: Sequence[str]) -> str:
     """The report of ``dvr report compare`` on the meshes at ``paths``: labels, then a line for each."""
     dimension = comparison.before.mesh.dimension
-    rows = [("mesh", "rank", *(name for name, _ in figures(comparison.before.quality, dimension)))]
+    rows = [("mesh", "rank", *(name for name, _ in quality_rows(comparison.before.quality, dimension)))]
     for path, rank, report in zip(paths, comparison.ranks, comparison.reports, strict=True):
-        rows.append((path, str(rank), *(_exact(value) for _, value in figures(report.quality, dimension))))
+        values = (_exact(value) for _, value in quality_rows(report.quality, dimension))
+        rows.append((path, str(rank), *values))
     return _lines(rows)
 
 
-def _exact(value: Figure) -> str:
+def _exact(value: Value) -> str:
     return "-" if value is None else repr(value)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvr_cli.relax.phases import Polished
 from dvr_cli.relax.stopping import StopReason
 from dvr_cli.report.advice import advice
-from dvr_cli.report.figures import Figure, bins, counts, figures, place, remarks
+from dvr_cli.report.rows import Value, histogram_rows, mesh_rows, place, quality_rows, remarks
 
 if TYPE_CHECKING:
     from dvr_cli.quality.limits import Limit
@@ -22,7 +22,7 @@ _LABEL = 19  # columns of a row's label
 _VALUE = 9  # columns of a value
 _LISTED = 6  # fields and sets that a note lists
 _BAR = 50  # columns of the longest bar of a histogram
-_RANKED = ("Q1", "fixed cap", "mean", "inverted", "10 % quantile")  # columns of a ranking, as far as they fit
+_RANKING = ("Q1", "fixed cap", "mean", "inverted", "10 % quantile")  # its columns, as far as they fit
 
 
 def quality_text(report: QualityReport, path: str, bar: str = "#", width: int = WIDTH) -> str:
@@ -31,22 +31,22 @@ def quality_text(report: QualityReport, path: str, bar: str = "#", width: int = 
     bar: the character that the histogram is drawn with. width: columns to keep to, paths aside.
     """
     mesh, quality = report.mesh, report.quality
-    lines = [*(_row(name, count) for name, count in counts(report)), ""]
+    lines = [*(_row(name, count) for name, count in mesh_rows(report)), ""]
     lines.append("quality (mean ratio: 1 ideal, 0 degenerate, below 0 inverted)")
-    said = remarks(quality)
-    for name, value in figures(quality, mesh.dimension):
-        lines += _remarked(_row(name, value), said.get(name, ""), width)
+    remark_on = remarks(quality)
+    for name, value in quality_rows(quality, mesh.dimension):
+        lines += _with_remark(_row(name, value), remark_on.get(name, ""), width)
     lines += ["", "elements by quality", *_histogram(quality, bar, width)]
     if quality.worst:
         lines += ["", "worst elements (numbered from 0 through all cells of the file)"]
         for element in quality.worst:
-            lines += _remarked(f"  {_shown(element.quality):>{_VALUE}}", place(element, 6), width)
-    lines += ["", f"advice: {advice(report)}", *_noted(mesh)]
-    return "\n".join([f"{path} ({_kind(mesh)})", *fitted(lines, width)])
+            lines += _with_remark(f"  {_digits(element.quality):>{_VALUE}}", place(element, 6), width)
+    lines += ["", f"advice: {advice(report)}", *_note_lines(mesh)]
+    return "\n".join([f"{path} ({_kind(mesh)})", *wrap(lines, width)])
 
 
 def smooth_text(report: SmoothReport, source: str, output: str, width: int | None = None) -> str:
-    """The summary of a run that moved vertices: before and after, why it stopped, what to know besides.
+    """The summary of a run that moved vertices: before and after, why it stopped, notes.
 
     width: columns to keep to, paths aside; None for no bound.
     """
@@ -57,18 +57,18 @@ def smooth_text(report: SmoothReport, source: str, output: str, width: int | Non
         f"relaxed {report.relaxed} of {mesh.points} points in {_count(len(report.sweeps), 'sweep')}, "
         f"{report.seconds:.3f} s",
         *_side_by_side(report.before, report.after, mesh.dimension),
-        *_untangled(report),
-        *_morphed(report),
-        *_stopped(report),
-        *_polished(report),
+        *_untangling(report),
+        *_morphing(report),
+        *_ending(report),
+        *_polishing(report),
         *_boundary(report.boundary),
         *_limit(report.limited_by),
-        *_noted(mesh),
+        *_note_lines(mesh),
     ]
-    if left := report.after.inverted + report.after.degenerate:
-        lines.append(f"note: {_count(left, 'inverted or degenerate element')} left")
-        lines += _left(report)
-    return "\n".join([f"{source} -> {output}", *(fitted(lines, width) if width else lines)])
+    if tangled := report.after.inverted + report.after.degenerate:
+        lines.append(f"note: {_count(tangled, 'inverted or degenerate element')} left")
+        lines += _tangled(report)
+    return "\n".join([f"{source} -> {output}", *(wrap(lines, width) if width else lines)])
 
 
 def comparison_text(comparison: Comparison, names: Sequence[str], width: int = WIDTH) -> str:
@@ -90,23 +90,23 @@ def comparison_text(comparison: Comparison, names: Sequence[str], width: int = W
         ]
     dimension = comparison.after.mesh.dimension
     rows = _side_by_side(comparison.before.quality, comparison.after.quality, dimension)
-    return "\n".join([verdict, *fitted([*where, *rows], width)])
+    return "\n".join([verdict, *wrap([*where, *rows], width)])
 
 
 def _ranking(comparison: Comparison, names: Sequence[str], width: int) -> list[str]:
     """A table of meshes, the best first."""
     longest = max(map(len, names))
-    labels = _RANKED[: max(1, (width - 8 - longest) // (_VALUE + 5))]
+    labels = _RANKING[: max(1, (width - 8 - longest) // (_VALUE + 5))]
     lines = ["  rank" + "".join(f"{label:>{_VALUE + 5}}" for label in labels) + "  mesh"]
     for i in comparison.best_first:
         report = comparison.reports[i]
-        values = dict(figures(report.quality, report.mesh.dimension))
-        cells = "".join(f"{_shown(values[label]):>{_VALUE + 5}}" for label in labels)
+        values = dict(quality_rows(report.quality, report.mesh.dimension))
+        cells = "".join(f"{_digits(values[label]):>{_VALUE + 5}}" for label in labels)
         lines.append(f"  {comparison.ranks[i]:>4}{cells}  {names[i]}")
     return lines
 
 
-def fitted(lines: Sequence[str], width: int) -> list[str]:
+def wrap(lines: Sequence[str], width: int) -> list[str]:
     """Lines of which those longer than ``width`` are broken between words and go on further in."""
     parts = []
     for line in lines:
@@ -120,24 +120,24 @@ def fitted(lines: Sequence[str], width: int) -> list[str]:
 def sweep_line(
     sweep: int, phase: str, q1: float, moved: int, seconds: float, mean: float | None = None
 ) -> str:
-    """What one sweep did, in one line; a phase other than relaxing is named."""
+    """One line on a sweep; a phase other than relaxing is named."""
     name = "" if phase == "relax" else f"  {phase}"
-    average = "" if mean is None else f"  mean {_shown(mean)}"
-    return f"sweep {sweep:3d}{name}  Q1 {_shown(q1)}{average}  moved {moved}  {seconds:.2f} s"
+    average = "" if mean is None else f"  mean {_digits(mean)}"
+    return f"sweep {sweep:3d}{name}  Q1 {_digits(q1)}{average}  moved {moved}  {seconds:.2f} s"
 
 
 def gate_failure(quality: Quality, limit: float) -> str:
-    """Why the quality gate at ``limit`` failed."""
-    return f"the worst quality, {_shown(quality.minimum)}, is below {limit:g}"
+    """The reason for which the quality gate at ``limit`` failed."""
+    return f"the worst quality, {_digits(quality.minimum)}, is below {limit:g}"
 
 
 def _side_by_side(before: Quality, after: Quality, dimension: int) -> list[str]:
-    rows = zip(figures(before, dimension), figures(after, dimension), strict=True)
+    rows = zip(quality_rows(before, dimension), quality_rows(after, dimension), strict=True)
     return [_row("", "before", "after"), *(_row(name, old, new) for (name, old), (_, new) in rows)]
 
 
-def _untangled(report: SmoothReport) -> list[str]:
-    """What untangling did, if it was asked for."""
+def _untangling(report: SmoothReport) -> list[str]:
+    """The result of untangling, if it was asked for."""
     if report.untangling is None:
         return []
     rounds = report.untangling.rounds
@@ -152,20 +152,20 @@ def _untangled(report: SmoothReport) -> list[str]:
     return [f"untangled in {_count(len(rounds), 'round')}, {seconds:.3f} s: {end}"]
 
 
-def _morphed(report: SmoothReport) -> list[str]:
-    """How much of a displacement was made."""
+def _morphing(report: SmoothReport) -> list[str]:
+    """The part of a displacement that was made."""
     if report.morphing is None:
         return []
     part, substeps = report.morphing.fraction, len(report.morphing.substeps)
     return [f"{100 * part:.4g} % of the displacement made in {_count(substeps, 'substep')}"]
 
 
-def _left(report: SmoothReport) -> list[str]:
-    """Where the worst of the elements left inverted are, and why as far as that is known."""
+def _tangled(report: SmoothReport) -> list[str]:
+    """The places of the worst elements that stay inverted, and the reasons as far as they are known."""
     if report.untangling is None:
         return []
     worst = [element for element in report.after.worst if element.quality <= 0]
-    lines = [f"  {_shown(element.quality):>{_VALUE}}  {place(element, 6)}" for element in worst]
+    lines = [f"  {_digits(element.quality):>{_VALUE}}  {place(element, 6)}" for element in worst]
     if count := report.untangling.left["hopeless"]:
         lines.append(f"  {count} of them with a corner whose vertices are all held: no movement helps")
     if count := report.untangling.left["crossing"]:
@@ -173,15 +173,15 @@ def _left(report: SmoothReport) -> list[str]:
     return lines
 
 
-def _stopped(report: SmoothReport) -> list[str]:
-    """Why it stopped; of untangling alone only what ended it early."""
+def _ending(report: SmoothReport) -> list[str]:
+    """The reason for which the run ended; of untangling alone only one that ended it early."""
     alone = report.untangling is not None and not report.options["max_iterations"]
     if alone and not report.stopped_because.cuts_short:
         return []
-    return [_why_stopped(report)]
+    return [_reason(report)]
 
 
-def _why_stopped(report: SmoothReport) -> str:
+def _reason(report: SmoothReport) -> str:
     options = report.options
     selects = any(options[name] not in (None, []) for name in ("fix", "only", "below", "vertices"))
     patches = any(phase.phase == "patches" for phase in report.phases)
@@ -206,11 +206,11 @@ def _limit(limit: Limit | None) -> list[str]:
     return [] if limit is None else [f"limited: {limit.text}", f"advice: {limit.advice}"]
 
 
-def _polished(report: SmoothReport) -> list[str]:
+def _polishing(report: SmoothReport) -> list[str]:
     phase = report.phases[-1]
     if not isinstance(phase, Polished) or not phase.sweeps:
         return []
-    sweeps, floor = _count(phase.sweeps, "sweep"), _shown(phase.floor)
+    sweeps, floor = _count(phase.sweeps, "sweep"), _digits(phase.floor)
     return [f"polished in {sweeps}: the mean raised, Q1 kept above {floor}"]
 
 
@@ -219,7 +219,7 @@ def _kind(mesh: MeshSummary) -> str:
 
 
 def _boundary(change: BoundaryChange | None) -> list[str]:
-    """What became of a projected boundary."""
+    """The change of a projected boundary."""
     if change is None:
         return []
     changes = (("volume", change.volume_change), ("area", change.area_change))
@@ -228,12 +228,12 @@ def _boundary(change: BoundaryChange | None) -> list[str]:
     return [f"boundary: {'; '.join([apart, *parts])}"]
 
 
-def _noted(mesh: MeshSummary) -> list[str]:
+def _note_lines(mesh: MeshSummary) -> list[str]:
     return [f"note: {note}" for note in notes(mesh)]
 
 
 def notes(mesh: MeshSummary) -> list[str]:
-    """What to know of a mesh besides its figures."""
+    """Notes on a mesh beside its quality."""
     notes = []
     if mesh.regions > 1:
         notes.append(f"{mesh.regions} regions, told apart by {_dividers(mesh)}; --regions chooses others")
@@ -252,28 +252,28 @@ def _dividers(mesh: MeshSummary) -> str:
 
 
 def _histogram(quality: Quality, bar: str, width: int) -> list[str]:
-    most = max(count for _, count in bins(quality))
+    most = max(count for _, count in histogram_rows(quality))
     digits = len(str(most))
     longest = min(_BAR, max(width - 17 - digits, 5))
     # rounded up: no element goes unseen
     return [
         f"  {label:>11}  {count:>{digits}}  {bar * -(-count * longest // most)}".rstrip()
-        for label, count in bins(quality)
+        for label, count in histogram_rows(quality)
     ]
 
 
-def _remarked(row: str, remark: str, width: int) -> list[str]:
+def _with_remark(row: str, remark: str, width: int) -> list[str]:
     """A row with a remark, which has a line of its own where they do not fit into one."""
     fits = len(row) + 2 + len(remark) <= width
     return [f"{row}  {remark}".rstrip()] if fits else [row, f"    {remark}"]
 
 
-def _row(label: str, *values: Figure | str) -> str:
-    cells = (value if isinstance(value, str) else _shown(value, label) for value in values)
+def _row(label: str, *values: Value | str) -> str:
+    cells = (value if isinstance(value, str) else _digits(value, label) for value in values)
     return f"  {label:<{_LABEL}}" + "".join(f"{cell:>{_VALUE}}" for cell in cells)
 
 
-def _shown(value: Figure, label: str = "") -> str:
+def _digits(value: Value, label: str = "") -> str:
     """A quality with four decimals, or with an exponent where these would show nothing; other figures."""
     if value is None:
         return "-"

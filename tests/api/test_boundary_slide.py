@@ -16,7 +16,7 @@ from dvr_cli.boundary.features import features_of
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.vector import at_least
-from dvr_cli.relax.directions import direction_field, restricted
+from dvr_cli.relax.directions import direction_field, restrict_field
 from dvr_cli.relax.stopping import Stopping
 from gmsh_parts import PARTS, part
 from meshes import KINDS, random_mesh
@@ -202,7 +202,7 @@ def test_open_rings_against_the_oracle(name):
     d = dimension_of(mesh)
     domain = domain_of(mesh)
     freedom = features_of(domain.points, domain.interior, constraints_of(mesh, domain)).freedom
-    field = restricted(direction_field(["random"], domain, {}, seed=3), freedom)
+    field = restrict_field(direction_field(["random"], domain, {}, seed=3), freedom)
     directions = field(0, domain.points[freedom.relaxed], freedom.relaxed)
     cells = [(block.type, block.vertices) for block in domain.cells]
     expected = oracle.gauss_seidel_sweep(domain.points, cells, freedom.relaxed, directions)

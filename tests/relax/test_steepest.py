@@ -15,7 +15,7 @@ from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.vector import at_least, ring_minima
-from dvr_cli.relax.directions import direction_field, restricted
+from dvr_cli.relax.directions import direction_field, restrict_field
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.engines.numpy_engine import NumpyEngine
 from dvr_cli.relax.problem import build_problem
@@ -200,7 +200,7 @@ def test_the_field_hands_an_ascent_on():
     mesh = random_mesh("tetra", 3)
     domain = domain_of(mesh)
     field = direction_field(["steepest", "x", "optimal"], domain, {})
-    for way in (field, restricted(field, random_freedom(domain, 0))):
+    for way in (field, restrict_field(field, random_freedom(domain, 0))):
         sweeps = [way(k, domain.points[:2], np.arange(2)) for k in range(4)]
         assert [sweeps[k] for k in (0, 2, 3)] == [STEEPEST, OPTIMAL, STEEPEST]
         assert sweeps[1].shape == (2, 3)

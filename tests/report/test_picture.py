@@ -15,7 +15,7 @@ from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.report.picture import State, picture
 from dvr_cli.report.plot import plot_histogram, plot_sweeps, plot_vectors, styles
 from dvr_cli.report.plot_mesh import INVERTED, colour_scale, plot_boundary, plot_cut, plot_surface
-from dvr_cli.report.render import rendered
+from dvr_cli.report.render import render
 from meshes import KINDS, delaunay, grid, random_mesh
 
 
@@ -220,7 +220,7 @@ def test_what_is_missing_is_said():
     assert [one.texts[0].get_text() for one in axes] == ["no relaxed vertex", "no sweeps"]
     single = Mesh(np.array([[0.0, 0], [1, 0], [0, 1]]), [Cells("triangle", np.array([[0, 1, 2]]))])
     state = State("one", single.points, mesh_quality(single).quality)
-    assert rendered(picture(domain_of(single), [state], []), ".png")
+    assert render(picture(domain_of(single), [state], []), ".png")
 
 
 def test_of_many_meshes_only_diagrams_are_drawn():
@@ -240,7 +240,7 @@ def test_large_meshes_make_small_files():
     mesh = delaunay(12_000, 2, 1)
     quality = mesh_quality(mesh).quality
     figure = picture(domain_of(mesh), [State("mesh", mesh.points, quality)])
-    svg = rendered(figure, ".svg")
+    svg = render(figure, ".svg")
     assert b"data:image/png;base64," in svg
     assert len(svg) < 2e6
     few = delaunay(100, 2, 1)
@@ -252,6 +252,6 @@ def test_large_meshes_make_small_files():
 def test_the_same_picture_is_the_same_bytes(suffix, magic):
     mesh = random_mesh("mixed2d", 1)
     state = State("mesh", mesh.points, mesh_quality(mesh).quality)
-    one, other = (rendered(picture(domain_of(mesh), [state]), suffix) for _ in range(2))
+    one, other = (render(picture(domain_of(mesh), [state]), suffix) for _ in range(2))
     assert one.startswith(magic)
     assert one == other

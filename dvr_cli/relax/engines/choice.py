@@ -43,8 +43,8 @@ class EngineKind:
         return self.package is None or find_spec(self.package) is not None
 
     def threads(self, asked: int | None) -> int:
-        """The number of threads it uses when ``asked`` are wanted; see ``checked_threads``."""
-        return checked_threads(asked) if self.threaded else 1
+        """The number of threads it uses when ``asked`` are wanted; see ``thread_count``."""
+        return thread_count(asked) if self.threaded else 1
 
     def make(self, problem: Problem, threads: int | None) -> Engine:
         """The engine for a problem; threads: at most, None for all cores."""
@@ -68,7 +68,7 @@ def has_numba() -> bool:
     return KINDS[COMPILED.name].is_installed
 
 
-def chosen_engine(name: str, vertices: int, max_iterations: int, patches: bool = False) -> EngineKind:
+def choose_engine(name: str, vertices: int, max_iterations: int, patches: bool = False) -> EngineKind:
     """The engine called ``name``, "auto" being the fastest for the work ahead.
 
     vertices: how many the mesh has. patches: whether patches are to be relaxed as well. Raises UsageError for
@@ -85,7 +85,7 @@ def chosen_engine(name: str, vertices: int, max_iterations: int, patches: bool =
     return KINDS[name]
 
 
-def checked_threads(threads: int | None) -> int:
+def thread_count(threads: int | None) -> int:
     """``threads``, by default as many as there are cores for this process; UsageError below 1."""
     if threads is None:
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -310,13 +310,13 @@ def test_results_older_than_any_source_they_may_come_from_are_forgotten(tmp_path
 
 
 def test_auto_takes_numba_where_it_pays(monkeypatch):
-    assert choice.chosen_engine("auto", 100, 100).name == "numpy"
-    assert choice.chosen_engine("auto", 10**6, 100).name == "numba"
-    assert choice.chosen_engine("auto", 10**6, 0).name == "numpy"
+    assert choice.choose_engine("auto", 100, 100).name == "numpy"
+    assert choice.choose_engine("auto", 10**6, 100).name == "numba"
+    assert choice.choose_engine("auto", 10**6, 0).name == "numpy"
     monkeypatch.setattr(choice, "has_numba", lambda: False)
-    assert choice.chosen_engine("auto", 10**6, 100).name == "numpy"
+    assert choice.choose_engine("auto", 10**6, 100).name == "numpy"
     with pytest.raises(UsageError, match=r"dvr-cli\[fast\]"):
-        choice.chosen_engine("numba", 10, 10)
+        choice.choose_engine("numba", 10, 10)
 
 
 @pytest.mark.parametrize(("options", "fault"), [({"engine": "gpu"}, "gpu"), ({"threads": 0}, "threads")])

@@ -1,4 +1,4 @@
-"""The figures of a quality block with their labels, as all reports in words and tables show them."""
+"""The rows of a report, label and value, as all reports in words and tables show them."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ if TYPE_CHECKING:
     from dvr_cli.quality.measure import Element, Quality
     from dvr_cli.report.records import QualityReport
 
-Figure = float | int | None
+Value = float | int | None
 
 
-def counts(report: QualityReport) -> list[tuple[str, int]]:
-    """What the mesh has: label and number."""
+def mesh_rows(report: QualityReport) -> list[tuple[str, int]]:
+    """The rows on the mesh itself: label and number."""
     mesh = report.mesh
     regions = [("regions", mesh.regions)] if mesh.regions > 1 else []
     return [("points", mesh.points), *mesh.cells.items(), ("relaxed vertices", report.relaxed), *regions]
 
 
-def figures(quality: Quality, dimension: int) -> list[tuple[str, Figure]]:
+def quality_rows(quality: Quality, dimension: int) -> list[tuple[str, Value]]:
     """The rows of a quality block: label and value, None for what the mesh does not have."""
     angle = "angle" if dimension == 2 else "dihedral"
     return [
@@ -35,18 +35,18 @@ def figures(quality: Quality, dimension: int) -> list[tuple[str, Figure]]:
 
 
 def remarks(quality: Quality) -> dict[str, str]:
-    """What the rows of a quality block mean, and where the worst is, by label."""
-    said = {"Q1": "nothing can be relaxed", "fixed cap": "every element has a relaxed vertex"}
+    """Remarks on the rows of a quality block, by label: their meaning, and the place of the worst."""
+    result = {"Q1": "nothing can be relaxed", "fixed cap": "every element has a relaxed vertex"}
     if quality.q1_element is not None:
-        said["Q1"] = place(quality.q1_element, 4)
+        result["Q1"] = place(quality.q1_element, 4)
     if quality.fixed_cap is not None:
-        said["fixed cap"] = "worst without a relaxed vertex"
+        result["fixed cap"] = "worst without a relaxed vertex"
     if quality.worst:
-        said["worst"] = place(quality.worst[0], 4)
-    return said
+        result["worst"] = place(quality.worst[0], 4)
+    return result
 
 
-def bins(quality: Quality) -> list[tuple[str, int]]:
+def histogram_rows(quality: Quality) -> list[tuple[str, int]]:
     """The rows of the histogram: range of qualities and number of elements."""
     n = len(quality.histogram)
     labels = [f"below {1 / n:.2f}", *(f"{i / n:.2f} - {(i + 1) / n:.2f}" for i in range(1, n))]
@@ -54,6 +54,6 @@ def bins(quality: Quality) -> list[tuple[str, int]]:
 
 
 def place(element: Element, digits: int) -> str:
-    """Which element, and where."""
+    """An element and its place in words."""
     centroid = ", ".join(f"{x:.{digits}g}" for x in element.centroid)
     return f"{element.cell_type} {element.cell} at ({centroid})"
