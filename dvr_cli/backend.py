@@ -1,8 +1,8 @@
 """Backends: where the functions that stand twice are taken from, NumPy or compiled.
 
 What an engine computes stands in a module X in NumPy, and compiled in X_numba beside it, under the same name,
-with the same arguments and bit for bit the same result. Code that is the same for both asks a backend for
-the one of the twins that it should call.
+with the same arguments and bit for bit the same result (docs/design.md, "Twins"). Code that is the same for
+both asks a backend for its twin.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 class Backend:
     """One way to compute.
 
-    name: as engines are called. suffix: what the names of its modules have behind those in NumPy.
+    name: that of its engine. suffix: that of the names of its modules, none for NumPy.
     """
 
     name: str

@@ -1,8 +1,8 @@
 """The oracle: mean ratio, line problem and sweep written a second time, slowly and plainly.
 
 Independent of the package by intention: it never imports it. Qualities come from determinants and inverses
-of matrices (DESIGN section 2), the line problem from polynomial roots (the paper's Algorithm 2) and, once
-more, from dense sampling, the sweep from plain loops over the vertices (the paper's Algorithm 1).
+of matrices (docs/design.md, "Corners"), the line problem from polynomial roots (the paper's Algorithm 2) and,
+once more, from dense sampling, the sweep from plain loops over the vertices (the paper's Algorithm 1).
 
 A *corner* is here a simplex of d+1 points, its vertex first, with a *target* simplex of the same shape.
 A *ring* is a list of ``(points (d+1, d), k, target (d+1, d))``: the corners around a vertex, which is

@@ -1,4 +1,4 @@
-"""Formats left to meshio, with guards against what it is known to do (DESIGN section 6).
+"""Formats left to meshio, with guards against what it is known to do (docs/design.md, "Files").
 
 meshio prints, exits and raises bare ValueErrors on files it cannot read; all of it becomes InputError. What
 its writer loses is found out by reading back what it wrote.

@@ -1,6 +1,6 @@
 """A mesh file as read: the mesh it holds, and the means to write it back with other coordinates.
 
-Only coordinates ever change (DESIGN: "Only coordinates change"). A format that can be patched keeps the
+Only coordinates ever change (docs/design.md, "Files"). A format that can be patched keeps the
 bytes it was read from and replaces the coordinates in them; everything else is copied.
 """
 

@@ -1,4 +1,4 @@
-"""Corners: the bundle of simplices that every linear element is made of (docs/design.md).
+"""Corners: the bundle of simplices that every linear element is made of (docs/design.md, "Corners").
 
 A corner is a vertex with its d edges inside one element, together with the target shape those edges should
 have. Triangles and tetrahedra have one corner (all of theirs give the same value), quadrilaterals 4,

@@ -1,4 +1,7 @@
-"""The rings of independent vertices laid out in columns, in chunks that stay in cache."""
+"""The rings of independent vertices laid out in columns, in chunks that stay in cache.
+
+See docs/design.md, "The three layouts of coordinates".
+"""
 
 from __future__ import annotations
 

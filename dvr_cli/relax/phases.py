@@ -1,4 +1,4 @@
-"""The phases of a run: what holds after every batch of each, and records of what they did."""
+"""The phases of a run: their guarantees (docs/design.md, "Guarantees") and their records."""
 
 from __future__ import annotations
 
@@ -45,8 +45,10 @@ class Polished(Phase):
 
 @dataclass(frozen=True)
 class Untangled(Phase):
-    """A phase of untangling; rounds: what each did, see ``untangle.phase.Round``; left:
-    the elements still tangled at the end, see ``untangle.causes.tangled_elements``.
+    """A phase of untangling.
+
+    rounds: a record of each, see ``untangle.phase.Round``. left: the elements that stay tangled, see
+    ``untangle.causes.tangled_elements``.
     """
 
     rounds: Sequence[Mapping[str, Any]]
@@ -55,7 +57,7 @@ class Untangled(Phase):
 
 @dataclass(frozen=True)
 class Morphed(Phase):
-    """A phase of morphing; fraction: of the displacement that was made; substeps: what each did."""
+    """A phase of morphing; fraction: the part of the displacement that was made; substeps: their records."""
 
     fraction: float
     substeps: Sequence[Mapping[str, Any]]

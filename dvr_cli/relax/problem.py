@@ -2,7 +2,7 @@
 
 This is what the engines work on. It knows neither files nor directions. Vertices are renumbered in
 Morton order, and rings are stored in the order in which a sweep visits them, so that what is used
-together lies together in memory.
+together lies together in memory (docs/design.md, "The two numberings").
 """
 
 from __future__ import annotations
