@@ -22,6 +22,7 @@ from dvr_cli.mesh.named_facets import named_facets
 from dvr_cli.mesh.orientation import mirrored_cells, unlike_cells, with_mirrored
 from dvr_cli.mesh.plane import Plane, plane_of
 from dvr_cli.mesh.region_choice import Divider, RegionChoice, regions_of
+from dvr_cli.mesh.repeated import repeated_cells, shared_regions, without
 from dvr_cli.mesh.second_order import MidNodes, linear_cells, mid_nodes
 from dvr_cli.mesh.simplex import determinants
 
@@ -34,8 +35,10 @@ class Domain:
 
     points: (N, d) coordinates, d = 2 or 3; those of a planar mesh are taken in its plane, those of a surface
         in space are three.
-    cells: blocks of the cells of dimension d, oriented coherently and positively.
+    cells: blocks of the cells of dimension d, oriented coherently and positively; one given twice is there
+        once.
     cell_ids: (n,) their ids in the mesh: positions counted from 0 through all its blocks.
+    repeated: (r, 2) the ids of a cell that has the vertices of another, and of that.
     corners: the corners of these cells.
     region: (n,) region number of each, and divided_by: what tells these regions apart.
     interior: (N,) bool, the vertices that are neither on a boundary, an interface nor a lower cell, and that
@@ -50,6 +53,7 @@ class Domain:
     points: np.ndarray
     cells: list[Cells]
     cell_ids: np.ndarray
+    repeated: np.ndarray
     corners: Corners
     region: np.ndarray
     divided_by: tuple[Divider, ...]
@@ -131,6 +135,14 @@ def domain_of(
     blocks = [b for b, block in enumerate(linear) if relaxed_dimension(block.type) == dimension]
     stored = [Cells(linear[b].type, linear[b].vertices.astype(np.int32)) for b in blocks]
     start = np.concatenate([[0], np.cumsum([len(block.vertices) for block in mesh.cells])])
+    cell_ids = np.concatenate([np.arange(start[b], start[b + 1]) for b in blocks])
+    region, divided_by = regions_of(mesh, blocks, regions)
+    again, original = repeated_cells(stored, len(mesh.points))
+    repeated = np.stack([cell_ids[again], cell_ids[original]], axis=1)
+    if len(again):
+        stored = without(stored, again)
+        region = np.delete(shared_regions(region, again, original), again)
+        cell_ids = np.delete(cell_ids, again)
     points, plane = mesh.points, None
     if dimension == 2:
         plane = plane_of(mesh.points[_used(stored, len(mesh.points))])
@@ -144,11 +156,11 @@ def domain_of(
         measures = as_stored.by_cell(np.add, backend.twin(determinants)(points, as_stored.vertices))
         mirrored = mirrored_cells(measures, stored, backend)
     cells = with_mirrored(stored, mirrored)
-    region, divided_by = regions_of(mesh, blocks, regions)
     return Domain(
         points=points,
         cells=cells,
-        cell_ids=np.concatenate([np.arange(start[b], start[b + 1]) for b in blocks]),
+        cell_ids=cell_ids,
+        repeated=repeated,
         corners=corners_of(cells, dimension) if mirrored.any() else as_stored,
         region=region,
         divided_by=divided_by,

@@ -116,7 +116,9 @@ def cell_field(mesh: Mesh, quality: Quality) -> list[np.ndarray]:
     """The quality of each cell, one array a block of the mesh; NaN for cells of lower dimension."""
     start = np.cumsum([0, *(len(block.vertices) for block in mesh.cells)])
     field = np.full(start[-1], np.nan)
-    field[domain_of(mesh, straighten=True).cell_ids] = quality.elements
+    domain = domain_of(mesh, straighten=True)
+    field[domain.cell_ids] = quality.elements
+    field[domain.repeated[:, 0]] = field[domain.repeated[:, 1]]
     return np.split(field, start[1:-1])
 
 

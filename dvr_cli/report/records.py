@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
 from dvr_cli import __version__
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
@@ -29,6 +31,7 @@ class MeshSummary:
 
     cells: number of cells by type, of all dimensions. dimension: 2 or 3. mirrored: cells stored inside out.
     regions: how many regions there are, and divided_by: what tells them apart.
+    repeated: cells that have the vertices of another and count once with it. orphans: vertices in no cell.
     curved: second-order cells that are not straight. surface:
         whether it is a surface in space.
     """
@@ -39,6 +42,8 @@ class MeshSummary:
     mirrored: int
     regions: int
     divided_by: tuple[Divider, ...]
+    repeated: int
+    orphans: int
     curved: int
     surface: bool
 
@@ -166,9 +171,19 @@ def summarise(mesh: Mesh, domain: Domain) -> MeshSummary:
         mirrored=domain.mirrored,
         regions=int(domain.region.max(initial=0)) + 1,
         divided_by=domain.divided_by,
+        repeated=len(domain.repeated),
+        orphans=_orphans(mesh),
         curved=domain.mids.curved if domain.mids is not None else 0,
         surface=domain.is_surface,
     )
+
+
+def _orphans(mesh: Mesh) -> int:
+    """How many vertices are in no cell of any dimension."""
+    used = np.zeros(len(mesh.points), dtype=bool)
+    for block in mesh.cells:
+        used[block.vertices] = True
+    return int(len(used) - used.sum())
 
 
 def _quality_record(quality: Quality) -> dict[str, Any]:

@@ -239,6 +239,10 @@ def notes(mesh: MeshSummary) -> list[str]:
         notes.append(f"{mesh.regions} regions, told apart by {_dividers(mesh)}; --regions chooses others")
     if mesh.mirrored:
         notes.append(f"{_count(mesh.mirrored, 'cell')} stored inside out, taken as the mirror image")
+    if mesh.repeated:
+        notes.append(f"{_count(mesh.repeated, 'cell')} given again with the same vertices, counted once")
+    if mesh.orphans:
+        notes.append(f"{mesh.orphans} of the points belong to no cell")
     if mesh.curved:
         notes.append(f"{_count(mesh.curved, 'second-order cell')} curved, taken as straight")
     return notes
