@@ -47,7 +47,7 @@ def smooth(
     [0.5, 0.5]
     """
     check_known(options)
-    return _smoothed(mesh, cells, SmoothOptions.of(options))
+    return _smooth(mesh, cells, SmoothOptions.of(options))
 
 
 def untangle(
@@ -70,10 +70,10 @@ def untangle(
     (1, 0)
     """
     check_names(options, ("boundary", "fix", "regions", "straighten", "time_limit"))
-    return _smoothed(mesh, cells, SmoothOptions.of(options, untangle=True, max_iterations=0))
+    return _smooth(mesh, cells, SmoothOptions.of(options, untangle=True, max_iterations=0))
 
 
-def _smoothed(
+def _smooth(
     mesh: meshio.Mesh | np.ndarray,
     cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None,
     options: SmoothOptions,

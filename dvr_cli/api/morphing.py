@@ -21,7 +21,7 @@ from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.measure import DEGENERATE, Quality, measure
-from dvr_cli.relax.phases import Morphed
+from dvr_cli.relax.phases import MorphPhase
 from dvr_cli.relax.stopping import StopReason
 from dvr_cli.relax.sweeps import Sweep
 from dvr_cli.report.records import SmoothReport, summarise
@@ -89,8 +89,8 @@ def morph_mesh(
     seconds = time.perf_counter() - start
 
     stopped_because = reason if reached == 1.0 else StopReason.INTERRUPTED
-    phase = Morphed("morph", len(sweeps), stopped_because, fraction=reached, substeps=substeps)
-    points, after = _kept(domain, points, relaxed, storage)
+    phase = MorphPhase("morph", len(sweeps), stopped_because, fraction=reached, substeps=substeps)
+    points, after = _stored_result(domain, points, relaxed, storage)
     return points, SmoothReport(
         mesh=summarise(mesh, domain),
         relaxed=len(relaxed),
@@ -134,7 +134,7 @@ def _too_far(domain: Domain, points: np.ndarray, relaxed: np.ndarray, reached: f
     )
 
 
-def _kept(
+def _stored_result(
     domain: Domain, points: np.ndarray, relaxed: np.ndarray, storage: Storage | None
 ) -> tuple[np.ndarray, Quality]:
     """The points as the storage keeps them, and their quality: still a valid mesh."""

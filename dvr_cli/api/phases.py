@@ -14,7 +14,7 @@ from dvr_cli.mesh.domain import Domain
 from dvr_cli.relax.directions import DirectionField, restrict_field
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.patches.phase import relax_patches
-from dvr_cli.relax.phases import Phase, Polished
+from dvr_cli.relax.phases import Phase, PolishPhase
 from dvr_cli.relax.stopping import Stopping, StopReason
 from dvr_cli.relax.surface.projection import Projection
 from dvr_cli.relax.sweeps import Relaxation, Sweep, polish, relax
@@ -95,7 +95,7 @@ class Run:
         ended = outcome.stopped_because
         reason = ended if ended.cuts_short else self.stopped_because
         self._take_over(outcome)
-        self.phases.append(Polished("polish", len(outcome.sweeps), ended, floor))
+        self.phases.append(PolishPhase("polish", len(outcome.sweeps), ended, floor))
         self.stopped_because = reason
 
     def undo_polish(self, points: np.ndarray) -> None:

@@ -28,10 +28,8 @@ from dvr_cli.relax.stopping import StopReason
 from dvr_cli.relax.sweeps import Sweep
 from dvr_cli.report.records import SmoothReport, summarise
 
-_DONE = (
-    StopReason.CONVERGED,
-    StopReason.NOTHING_TO_RELAX,
-)  # the reasons for which relaxing on would gain nothing
+# the reasons for which relaxing on would gain nothing
+_DONE = (StopReason.CONVERGED, StopReason.NOTHING_TO_RELAX)
 
 
 class Storage(Protocol):
@@ -92,19 +90,19 @@ def smooth_mesh(
         run.polish(reference.q1 or 0.0)
     seconds = time.perf_counter() - start
 
-    def kept(flat: np.ndarray) -> tuple[np.ndarray, Quality]:
-        """The points as they will be kept, and their quality."""
+    def result_of(flat: np.ndarray) -> tuple[np.ndarray, Quality]:
+        """The coordinates ``flat`` (N, d) as points that will be kept, and their quality."""
         points = domain.lift(mesh.points, flat)
         if domain.is_tilted and is_worse(measure(domain, points, relaxed), reference):
             points, run.stopped_because = mesh.points.copy(), StopReason.ROUNDING
-        return _kept(
+        return _stored_result(
             partial(measure, domain, relaxed=relaxed, inverted=run.inverted), points, reference, storage
         )
 
-    points, after = kept(run.points)
+    points, after = result_of(run.points)
     if options.polish is None and run.points is not unpolished and not at_least(after.vector, before.vector):
         run.undo_polish(unpolished)
-        points, after = kept(run.points)
+        points, after = result_of(run.points)
     if run.untangling is not None:
         run.phases.insert(0, untangle_phase(run.untangling, domain, moves.freedom, points))
     limited_by = None
@@ -169,7 +167,7 @@ def _limit(
     return limit_of(domain, points, relaxed, after, deselected, frees)
 
 
-def _kept(
+def _stored_result(
     measured: Callable[[np.ndarray], Quality], points: np.ndarray, before: Quality, storage: Storage | None
 ) -> tuple[np.ndarray, Quality]:
     """The points as the storage keeps them, and their quality, which is not below that of the input."""

@@ -9,14 +9,16 @@ import numpy as np
 from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.quality.measure import Quality
-from dvr_cli.relax.phases import Untangled
+from dvr_cli.relax.phases import UntanglePhase
 from dvr_cli.relax.untangle.causes import tangled_elements
 from dvr_cli.relax.untangle.phase import Untangling
 
 
-def untangle_phase(untangling: Untangling, domain: Domain, freedom: Freedom, points: np.ndarray) -> Untangled:
+def untangle_phase(
+    untangling: Untangling, domain: Domain, freedom: Freedom, points: np.ndarray
+) -> UntanglePhase:
     """The phase of untangling, with the elements that stay tangled in the end, at ``points``."""
-    return Untangled(
+    return UntanglePhase(
         phase="untangle",
         sweeps=0,
         stopped_because=untangling.stopped_because,

@@ -189,19 +189,19 @@ def _in_domain(values: Sequence[float], name: str, domain: Domain) -> np.ndarray
 def _flat_vectors(vectors: np.ndarray, name: str, domain: Domain) -> np.ndarray:
     """Given directions as (N, d) or (K, N, d) in the coordinates of the domain."""
     dimensions = [2, 3] if domain.plane is not None else [3]
-    checked = _checked_vectors(vectors, len(domain.points), dimensions, name)
-    if domain.plane is None or checked.shape[-1] == domain.plane.axes.shape[1] == 2:
-        return checked
-    if checked.shape[-1] == 2:
-        checked = np.concatenate([checked, np.zeros((*checked.shape[:-1], 1))], axis=-1)
-    flat = domain.flatten(checked.reshape(-1, checked.shape[-1])).reshape(*checked.shape[:-1], 2)
+    given = _check_vectors(vectors, len(domain.points), dimensions, name)
+    if domain.plane is None or given.shape[-1] == domain.plane.axes.shape[1] == 2:
+        return given
+    if given.shape[-1] == 2:
+        given = np.concatenate([given, np.zeros((*given.shape[:-1], 1))], axis=-1)
+    flat = domain.flatten(given.reshape(-1, given.shape[-1])).reshape(*given.shape[:-1], 2)
     # the rest of a vector across the plane is rounding, not a direction
-    across = np.abs(flat).max(axis=-1) < 1e-9 * np.abs(checked).max(axis=-1)
+    across = np.abs(flat).max(axis=-1) < 1e-9 * np.abs(given).max(axis=-1)
     flat[across] = 0.0
     return flat
 
 
-def _checked_vectors(vectors: np.ndarray, n_points: int, dimensions: Sequence[int], name: str) -> np.ndarray:
+def _check_vectors(vectors: np.ndarray, n_points: int, dimensions: Sequence[int], name: str) -> np.ndarray:
     """``vectors`` as float64 if they have shape (N, d) or (K, N, d) with d in ``dimensions``, all finite.
 
     Raises UsageError that names ``name`` and the fault.

@@ -37,14 +37,14 @@ class Phase:
 
 
 @dataclass(frozen=True)
-class Polished(Phase):
+class PolishPhase(Phase):
     """A phase of polishing; floor: below which no quality fell."""
 
     floor: float
 
 
 @dataclass(frozen=True)
-class Untangled(Phase):
+class UntanglePhase(Phase):
     """A phase of untangling.
 
     rounds: a record of each, see ``untangle.phase.Round``. left: the elements that stay tangled, see
@@ -56,7 +56,7 @@ class Untangled(Phase):
 
 
 @dataclass(frozen=True)
-class Morphed(Phase):
+class MorphPhase(Phase):
     """A phase of morphing; fraction: the part of the displacement that was made; substeps: their records."""
 
     fraction: float

@@ -57,7 +57,7 @@ def lowest_sum(lines: Lines, real: np.ndarray, limit: float) -> tuple[np.ndarray
         if len(active):
             ring = lines.taken(active)
             at = _bottom(ring, real[:, active], low[active], high[active])
-            step[active] = _clipped(ring, at, limit)
+            step[active] = _clip(ring, at, limit)
     return step, now
 
 
@@ -151,7 +151,7 @@ def _derivatives(lines: Lines, real: np.ndarray, at: np.ndarray) -> tuple[np.nda
     return _sum(first, real), _sum(second, real)
 
 
-def _clipped(lines: Lines, at: np.ndarray, limit: float) -> np.ndarray:
+def _clip(lines: Lines, at: np.ndarray, limit: float) -> np.ndarray:
     """λ between 0 and ``at``, as near to that as the limit on the badness allows.
 
     B = limit is where t = rate · v; t - rate · v is convex, so Newton's method stays outside all the way.

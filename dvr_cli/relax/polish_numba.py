@@ -48,7 +48,7 @@ def polish_rings(
         if scratch[BADNESS, worst_corner(scratch, n, 0.0, d)] == np.inf:
             continue
         before = _sum_of_inverses(scratch, n, d)
-        step = _clipped(scratch, n, d, _bottom(scratch, n, d), limit)
+        step = _clip(scratch, n, d, _bottom(scratch, n, d), limit)
         if step == 0.0:
             continue
         x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2] if d == 3 else 0.0
@@ -189,7 +189,7 @@ def _derivatives(lines: np.ndarray, n: int, d: int, at: float) -> tuple[float, f
 
 
 @inlined
-def _clipped(lines: np.ndarray, n: int, d: int, at: float, limit: float) -> float:
+def _clip(lines: np.ndarray, n: int, d: int, at: float, limit: float) -> float:
     aim = limit * (1.0 - INSIDE)
     rate = aim if d == 2 else np.sqrt(aim)
     for _ in range(MAX_CLIPS):

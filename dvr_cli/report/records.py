@@ -14,7 +14,7 @@ from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.region_choice import Divider
 from dvr_cli.quality.limits import Limit
 from dvr_cli.quality.measure import Quality
-from dvr_cli.relax.phases import Morphed, Phase, Untangled
+from dvr_cli.relax.phases import MorphPhase, Phase, UntanglePhase
 from dvr_cli.relax.stopping import StopReason
 
 UNITS = {
@@ -119,14 +119,14 @@ class SmoothReport:
     boundary: BoundaryChange | None = None
 
     @property
-    def untangling(self) -> Untangled | None:
+    def untangling(self) -> UntanglePhase | None:
         """The phase of untangling, None if it was not asked for."""
-        return next((phase for phase in self.phases if isinstance(phase, Untangled)), None)
+        return next((phase for phase in self.phases if isinstance(phase, UntanglePhase)), None)
 
     @property
-    def morphing(self) -> Morphed | None:
+    def morphing(self) -> MorphPhase | None:
         """The phase of morphing, None if it was not asked for."""
-        return next((phase for phase in self.phases if isinstance(phase, Morphed)), None)
+        return next((phase for phase in self.phases if isinstance(phase, MorphPhase)), None)
 
     def record(self, path: str | None = None, source: str | None = None) -> dict[str, Any]:
         """The report as JSON-ready data, schema dvr.smooth/1; ``quality`` is that of the result.

@@ -18,7 +18,6 @@ from dvr_cli.errors import UsageError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SUFFIXES = (".svg", ".png", ".pdf", ".html")
 _DPI = 130  # of PNG, and of what is stored as pixels in the others
 _UNDATED: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}, ".png": {}}
 _PAGE = """\

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from dvr_cli.relax.phases import Polished
+from dvr_cli.relax.phases import PolishPhase
 from dvr_cli.relax.stopping import StopReason
 from dvr_cli.report.advice import advice
 from dvr_cli.report.rows import Value, histogram_rows, mesh_rows, place, quality_rows, remarks
@@ -208,7 +208,7 @@ def _limit(limit: Limit | None) -> list[str]:
 
 def _polishing(report: SmoothReport) -> list[str]:
     phase = report.phases[-1]
-    if not isinstance(phase, Polished) or not phase.sweeps:
+    if not isinstance(phase, PolishPhase) or not phase.sweeps:
         return []
     sweeps, floor = _count(phase.sweeps, "sweep"), _digits(phase.floor)
     return [f"polished in {sweeps}: the mean raised, Q1 kept above {floor}"]
@@ -249,7 +249,7 @@ def notes(mesh: MeshSummary) -> list[str]:
 
 
 def _dividers(mesh: MeshSummary) -> str:
-    """What tells regions apart, as far as there is room."""
+    """The names by which regions are told apart, as far as there is room."""
     texts = [divider.text for divider in mesh.divided_by]
     more = [f"{len(texts) - _LISTED} more"] if len(texts) > _LISTED else []
     return ", ".join([*texts[:_LISTED], *more])
