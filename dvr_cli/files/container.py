@@ -27,7 +27,7 @@ class CoordinateArray:
     dtype: np.dtype
 
     def of(self, points: np.ndarray) -> np.ndarray:
-        """What the array holds when the coordinates are ``points`` ((N, D)): rounded where it is float32."""
+        """The values of the array for the coordinates ``points`` ((N, D)): rounded where it is float32."""
         with np.errstate(over="ignore"):
             return points[self.rows, self.axes].T.astype(self.dtype).reshape(self.shape)
 

@@ -85,7 +85,7 @@ def attribute(item: h5py.HLObject, name: str) -> Any:
 
 
 def members(parent: h5py.Group, path: str = "") -> dict[str, Any]:
-    """What is in the group of this path below ``parent``, nothing if there is none."""
+    """The members of the group of this path below ``parent``, none if there is no such group."""
     item = _item(parent, path) if path else parent
     return {name: item[name] for name in item} if hasattr(item, "keys") else {}
 
@@ -97,7 +97,7 @@ def dataset_at(parent: h5py.Group, path: str) -> h5py.Dataset | None:
 
 
 def _item(parent: h5py.Group, path: str) -> Any:
-    """What is at this path, None for nothing; see ``attribute`` for damage."""
+    """The object at this path, None for nothing; see ``attribute`` for damage."""
     for name in path.split("/"):
         if not hasattr(parent, "keys") or name not in list(parent):
             return None

@@ -106,7 +106,7 @@ def read_path(path: Path, format_name: str) -> MeshioSource:
 
 
 def _warnings(printed: str) -> list[str]:
-    """What meshio left out when it read a file, as it printed."""
+    """The things that meshio left out when it read a file, as it printed them."""
     warnings = " ".join(printed.split()).split("Warning: ")
     return [f"meshio on reading: {warning.strip()}" for warning in warnings if warning.strip()]
 
@@ -132,7 +132,7 @@ def _guarded(error: type[DvrError], what: str) -> Iterator[io.StringIO]:
 
 
 def lost(mesh: Mesh, back: Mesh, points: np.ndarray) -> list[str]:
-    """What of ``mesh`` is not in ``back``, as one line a kind."""
+    """The parts of ``mesh`` that are not in ``back``, as one line a kind."""
     lost = []
     if not np.array_equal(back.points[:, : points.shape[1]], points):
         difference = np.abs(back.points[:, : points.shape[1]] - points).max()
@@ -155,7 +155,7 @@ def lost(mesh: Mesh, back: Mesh, points: np.ndarray) -> list[str]:
 
 
 def _lost_data(kind: str, old: dict[str, np.ndarray], new: dict[str, np.ndarray]) -> list[str]:
-    """What of the arrays ``old`` is gone, goes by another name or has other values in ``new``."""
+    """Those of the arrays ``old`` that are gone, go by another name or have other values in ``new``."""
     lost = []
     missing = old.keys() - new.keys()
     for name in sorted(missing):

@@ -49,7 +49,7 @@ class NetCDF(ABC):
         """An attribute of a variable, "" if it has none of this name."""
 
     def __contains__(self, name: str) -> bool:
-        """Whether there is a variable of this name."""
+        """True if there is a variable of this name."""
         return name in self.names
 
     def length(self, dimension: str) -> int:

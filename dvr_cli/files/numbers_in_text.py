@@ -23,7 +23,7 @@ _CHUNK = 1 << 16  # tokens replaced in one go when writing
 
 
 def is_blank(characters: np.ndarray) -> np.ndarray:
-    """Which of the uint8 ``characters`` (any shape) are white space."""
+    """A mask of the uint8 ``characters`` (any shape) that are white space."""
     return _BLANK[characters]
 
 
@@ -68,7 +68,7 @@ def inside_spans(length: int, starts: np.ndarray, ends: np.ndarray) -> np.ndarra
 
 
 def end_of_tokens(data: bytes, begin: int, count: int) -> int | None:
-    """Where the ``count``-th token at or after ``begin`` ends; None if there are fewer."""
+    """The end of the ``count``-th token at or after ``begin``; None if there are fewer."""
     if count == 0:
         return begin
     characters = np.frombuffer(data, dtype=np.uint8)
@@ -197,7 +197,7 @@ class Rows:
         return parse_numbers(self.text[begin:end].tobytes(), count, dtype)
 
     def source_spans(self, lines: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where the tokens number ``columns`` of each of ``lines`` lie in the file: (lines, columns) each."""
+        """Begin and end in the file of the tokens number ``columns`` of ``lines``, (lines, columns) each."""
         tokens = self.first[lines, None] + columns
         shift = self._shift[lines, None]
         return self.starts[tokens] + shift, self.ends[tokens] + shift

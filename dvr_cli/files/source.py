@@ -104,5 +104,5 @@ class Source(ABC):
 
 
 def differing(points: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Which coordinates differ in any bit (so -0.0 from 0.0) from those before; bool, of their shape."""
+    """The coordinates that differ in any bit (so -0.0 from 0.0) from those before: bool, of their shape."""
     return np.ascontiguousarray(points).view(np.int64) != np.ascontiguousarray(before).view(np.int64)

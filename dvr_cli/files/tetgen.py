@@ -200,7 +200,7 @@ class _Table:
         self.header = self._read_header(header, least)
 
     def columns(self) -> int:
-        """How many numbers the first row has, 0 if there is none."""
+        """The number of columns in the first row, 0 if there is none."""
         return int(self._rows.counts[self._filled[1]]) if len(self._filled) > 1 else 0
 
     def read(self, columns: int) -> np.ndarray:
@@ -227,7 +227,7 @@ class _Table:
         return numbers[(rows.first[body] - skipped)[:, None] + np.arange(columns)]
 
     def spans(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where in the file the numbers in ``columns`` of each row begin and end, (rows, columns) each."""
+        """Begin and end in the file of the numbers in ``columns`` of each row, (rows, columns) each."""
         return self._rows.source_spans(self._filled[1:], columns)
 
     def _read_header(self, what: str, least: int) -> list[int]:

@@ -23,7 +23,7 @@ _DEVICES = (Path("/dev"), Path("/dev/fd"))  # where streams have names, whatever
 
 
 class Output:
-    """Where and how the smoothed mesh is written."""
+    """The output of a run: the place and the format in which the mesh is written."""
 
     def __init__(
         self, source: Source, path: Path, format_name: str | None = None, field: str | None = None
@@ -48,7 +48,7 @@ class Output:
 
     @property
     def notes(self) -> list[str]:
-        """What the output cannot keep of the input, known once ``stored`` or ``write`` was called."""
+        """The things that the output cannot keep, known once ``stored`` or ``write`` was called."""
         return self._writer.notes
 
     def fill(self, values: list[np.ndarray], points: np.ndarray) -> None:
@@ -103,7 +103,7 @@ def output_format_of(path: Path, given: str | None, of_input: str | None = None)
 
 
 def is_stream(path: Path) -> bool:
-    """Whether ``path`` is stdout, a pipe or a device rather than a file."""
+    """True if ``path`` is stdout, a pipe or a device rather than a file."""
     if path == STANDARD or path.parent in _DEVICES:
         return True
     try:

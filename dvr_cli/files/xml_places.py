@@ -51,7 +51,7 @@ class Element:
 
     @property
     def text(self) -> tuple[int, int]:
-        """Where the text at its beginning is, in front of any child."""
+        """The place of the text at its beginning, in front of any child."""
         return self.inside, self.children[0].begin if self.children else self.end_tag
 
 
@@ -112,7 +112,7 @@ def parse(data: bytes, stop: str | None = None) -> Element:
 
 
 def attribute_place(data: bytes, element: Element, name: str) -> tuple[int, int]:
-    """Where the value of an attribute that ``element`` has stands in the file, without its quotes."""
+    """The place in the file of the value of an attribute that ``element`` has, without its quotes."""
     key = name.encode()
     begin = element.begin + len(element.name.encode()) + 1
     for match in _ATTRIBUTE.finditer(data, begin, element.inside):

@@ -1,4 +1,4 @@
-"""Which regions a mesh has: those its tags and sets of cells tell apart, or those a caller chooses.
+"""The regions of a mesh: those its tags and sets of cells tell apart, or those a caller chooses.
 
 Every set with some, but not all of the cells tells regions apart, unless its name says that it is a
 partition, or begins with "_" as those do that programs make for themselves.
@@ -26,7 +26,7 @@ RegionChoice = Sequence[str] | np.ndarray
 
 @dataclass(frozen=True)
 class Divider:
-    """What tells regions apart.
+    """A set or field that tells regions apart.
 
     name: of cell data or a set. kind: "cell data", "set" or "given". count: of a set how many of the cells it
     has, else how many values there are.

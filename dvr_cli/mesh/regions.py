@@ -86,7 +86,7 @@ def region_names(mesh: Mesh) -> list[str]:
 
 
 def is_no_region(name: str) -> bool:
-    """Whether cell data or a set of this name number cells, or say which process has them."""
+    """True if cell data or a set of this name number cells, or say which process has them."""
     plain = _plain(name)
     return bool(_NUMBERING.fullmatch(plain) or _PARTITION.fullmatch(plain))
 
@@ -102,7 +102,7 @@ def _whole(values: np.ndarray) -> bool:
 
 
 def _has_few_values(arrays: list[np.ndarray]) -> bool:
-    """Whether tags, an array a block, have several values, but few beside the number of cells."""
+    """True if tags, an array a block, have several values, but few beside the number of cells."""
     n = sum(map(len, arrays))
     most = max(2.0, min(n / 4, 4 * np.sqrt(n)))
     sample = np.concatenate([array[: _SAMPLE // len(arrays) + 1] for array in arrays]) if arrays else arrays

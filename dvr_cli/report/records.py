@@ -179,7 +179,7 @@ def summarise(mesh: Mesh, domain: Domain) -> MeshSummary:
 
 
 def _orphans(mesh: Mesh) -> int:
-    """How many vertices are in no cell of any dimension."""
+    """The number of vertices that are in no cell of any dimension."""
     used = np.zeros(len(mesh.points), dtype=bool)
     for block in mesh.cells:
         used[block.vertices] = True

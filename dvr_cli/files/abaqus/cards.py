@@ -55,7 +55,7 @@ class Card:
 
 @dataclass
 class Inclusion:
-    """Where a file takes in another one: in place of the keyword line, or behind it as its data lines."""
+    """The place where a file takes in another one: for the keyword line, or behind it as its data lines."""
 
     line: Piece
     file: int
@@ -98,7 +98,7 @@ class DeckFile:
         self._starts, self._ends = starts, newlines + 1
 
     def keyword_lines(self) -> list[tuple[int, int]]:
-        """Where each keyword line begins and ends, together with those it goes on in."""
+        """Begin and end of each keyword line, together with those it goes on in."""
         spans = []
         for line in self._keyword_lines.tolist():
             last = line
@@ -122,7 +122,7 @@ class DeckFile:
         return int(np.searchsorted(self._starts, position, side="right"))
 
     def blank(self, begin: int, end: int) -> bool:
-        """Whether nothing stands between two positions."""
+        """True if nothing stands between two positions."""
         return not self.text[begin:end].tobytes().strip()
 
 

@@ -64,7 +64,7 @@ class Fields:
         return self._block[self._line_starts[line] : self._line_ends[line]].tobytes()
 
     def words(self, line: int) -> list[str]:
-        """What stands in the fields of a line, empty ones left out."""
+        """The texts in the fields of a line, without empty ones."""
         return [word.decode("utf-8", "replace") for word, _, _ in self.split(line) if word]
 
     def split(self, line: int) -> list[tuple[bytes, int, int]]:

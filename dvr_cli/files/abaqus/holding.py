@@ -96,7 +96,7 @@ def _terms(lines: list[list[str]]) -> list[str]:
 
 
 def _all_of(members: np.ndarray, used: np.ndarray, scope: Scope, model: Model) -> bool:
-    """Whether there is no other vertex with a cell, in the mesh or in its part."""
+    """True if there is no other vertex with a cell, in the mesh or in its part."""
     others = used.copy()
     others[members] = False
     own = scope.vertices if len(scope.vertices) else np.arange(len(model.points))

@@ -32,7 +32,7 @@ _SYSTEMS = {"C": "cylindrical", "S": "spherical"}
 
 @dataclass
 class Scope:
-    """Where numbers and names of sets are unique: a part, an instance, the assembly, or what is in none.
+    """A scope in which numbers and names of sets are unique: a part, an instance, the assembly, or the rest.
 
     name: of the part or instance, as the deck writes it; "" for the rest.
     part: of an instance the part it is of, whose nodes and elements it has, too.

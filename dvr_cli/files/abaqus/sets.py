@@ -94,7 +94,7 @@ class Sets:
             self._add(self._elements, card.options["ELSET"], scope, parts)
 
     def _within(self, card: Card, scope: Scope) -> Scope:
-        """Where the numbers in a card hold: in the instance it names, else where it stands."""
+        """The scope in which the numbers in a card hold: the instance it names, else the one it stands in."""
         return self._model.instances.get(card.options.get("INSTANCE", "").upper(), scope)
 
     def _add(
@@ -108,7 +108,7 @@ class Sets:
         self._scopes[id(scope)] = scope
 
     def _listed(self, card: Card, scope: Scope, sets: dict[tuple[int, str], np.ndarray]) -> list[np.ndarray]:
-        """What the data lines of a set list: numbers, names, or first, last and step of rows of numbers."""
+        """The contents of a set's data lines: numbers, names, or first, last and step of rows of numbers."""
         parts = []
         for fields in self._model.fields(card):
             if not len(fields.counts):

@@ -75,7 +75,7 @@ class AbaqusSource(Source):
 
     @property
     def _in_place(self) -> bool:
-        """Whether the output is the deck itself."""
+        """True if the output is the deck itself."""
         if self.target is None or self._path is None or not self.target.exists():
             return False
         return os.path.samefile(self.target, self._path)
@@ -104,7 +104,7 @@ class AbaqusSource(Source):
 
     @property
     def _beside(self) -> bool:
-        """Whether the output is in the folder of the deck."""
+        """True if the output is in the folder of the deck."""
         if self.target is None or self._path is None:
             return False
         return os.path.realpath(self.target.parent) == os.path.realpath(self._path.parent)
@@ -138,7 +138,7 @@ class AbaqusSource(Source):
         write_texts(file, data, starts, ends, texts)
 
     def _content(self, inclusion: Inclusion, points: np.ndarray, absorbed: set[int]) -> bytes:
-        """What takes the place of the line that includes a file."""
+        """The text that takes the place of the line that includes a file."""
         inner = io.BytesIO()
         self._write(inclusion.file, points, absorbed, inner)
         text = inner.getvalue().removeprefix(b"\xef\xbb\xbf")
@@ -151,7 +151,7 @@ class AbaqusSource(Source):
         return _INPUT_OPTION.sub(b"", head).rstrip(b"\r\n") + b"\n" + text
 
     def _coordinates(self, number: int, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[bytes]]:
-        """Where coordinates of a file change, in its order, and what stands there instead."""
+        """The places where coordinates of a file change, in its order, and the texts that go there."""
         d = points.shape[1]
         chosen = [(rows, vertex) for rows, vertex in self._rows if rows.file == number]
         chosen.sort(key=lambda part: int(part[0].starts[0, 0]))
@@ -228,7 +228,7 @@ def _parts(model: Model) -> np.ndarray:
 
 
 def _beyond(deck: Deck, model: Model) -> list[str]:
-    """What the deck has beyond the mesh: keywords and how often they occur, and elements without a shape."""
+    """The contents of the deck beyond the mesh: keywords with their numbers, and elements without a shape."""
     count = Counter(card.keyword for card in deck.cards if card.keyword not in _OF_THE_MESH)
     kinds = [f"{n} *{keyword}" for keyword, n in count.items()]
     more = [f"{sum(count.values())} cards in all"] if len(kinds) > _MOST_KINDS else []

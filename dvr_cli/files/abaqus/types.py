@@ -50,7 +50,7 @@ FACES: dict[str, tuple[tuple[int, ...], ...]] = {
 
 
 class ElementType(NamedTuple):
-    """What a type is as a cell.
+    """An element type as a cell.
 
     cell: meshio's name. nodes: how many a deck gives it. shell: whether S1 and S2 are its sides, not edges.
     """

@@ -87,7 +87,7 @@ def _taken_apart(name: str, entries: np.ndarray, starts: np.ndarray, first: int)
 
 
 def _chained(entries: np.ndarray, count: int, name: str) -> np.ndarray:
-    """Where each element begins, in files before version 4: where the one before ends."""
+    """The start of each element, in files before version 4: the end of the one before."""
     listed, starts, at = entries.tolist(), [], 0
     sizes: dict[int, int] = {}
     for _ in range(count):
@@ -104,7 +104,7 @@ def _chained(entries: np.ndarray, count: int, name: str) -> np.ndarray:
 
 
 def _checked(offsets: np.ndarray, entries: np.ndarray, count: int, name: str) -> np.ndarray:
-    """Where each element begins, as the file says."""
+    """The start of each element, as the file says."""
     if len(offsets) != count + 1 or offsets[0] != 0 or offsets[-1] != len(entries):
         raise InputError(f"the offsets of {name} do not fit its {count} elements")
     sizes = np.diff(offsets)

@@ -45,7 +45,7 @@ class Zone:
 
 
 def is_unstructured(zone: Node) -> bool:
-    """Whether a zone is; zones are structured if they do not say."""
+    """True if a zone is unstructured; one that does not say is structured."""
     return text_below(zone, "ZoneType_t") == "Unstructured"
 
 
@@ -101,7 +101,7 @@ def _families(node: Node) -> list[str]:
 
 
 def _members(node: Node, zone: Zone) -> tuple[bool, np.ndarray]:
-    """Whether a node lists vertices of the zone rather than elements, and their numbers from 1."""
+    """Numbers from 1 that a node lists, after True if they are of vertices, False if of elements."""
     lists = children(node, "IndexArray_t", "IndexRange_t")
     at_vertices = text_below(node, "GridLocation_t") in ("", "Vertex")
     last_element = max((int(section.numbers[-1]) for section in zone.sections), default=0)

@@ -1,4 +1,4 @@
-"""What an Exodus file holds beyond the mesh, by kind and count."""
+"""The contents of an Exodus file beyond the mesh, by kind and count."""
 
 from __future__ import annotations
 

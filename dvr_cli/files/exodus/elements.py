@@ -104,7 +104,7 @@ _SHELL_SIDES = {
 
 @dataclass(frozen=True)
 class ElementType:
-    """What a block's element type comes to.
+    """A block's element type as a cell.
 
     cell_type: meshio's name. sides: the corner vertices of each side, by Exodus's numbers less one.
     """

@@ -197,7 +197,7 @@ def _stacked(rows: list[np.ndarray]) -> np.ndarray:
 
 
 def _starts(file: NetCDF, blocks: list[_Block]) -> list[int]:
-    """How many elements come before each block: they are numbered through all blocks."""
+    """The number of elements before each block: they are numbered through all blocks."""
     before = np.cumsum([0, *(file.length(f"num_el_in_blk{i + 1}") for i in range(file.length("num_el_blk")))])
     return [int(before[block.number - 1]) for block in blocks]
 

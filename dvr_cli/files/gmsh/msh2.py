@@ -173,7 +173,7 @@ def _chain(
 
 
 def _agreeing(table: np.ndarray, key: list[int]) -> int:
-    """How many rows at the beginning of ``table`` agree with the first in the ``key`` columns.
+    """The number of rows at the beginning of ``table`` that agree with the first in the ``key`` columns.
 
     Looks ahead in growing windows, so that many short chains cost no more than a long one.
     """

@@ -16,7 +16,7 @@ Entity = tuple[int, int]  # dimension, tag
 
 
 class Entities(NamedTuple):
-    """What is known of the entities of a model.
+    """The entities of a model, as far as they are known.
 
     physical: the physical tags of every entity that has some. whole: the tag of the entity of which one of
     the same dimension is the part in one partition. between: those that lie between partitions, which

@@ -11,7 +11,7 @@ from dvr_cli.files.gmsh.tags import first_repeated
 
 
 class NodeBlocks(NamedTuple):
-    """Where the coordinates are: a row of integers for each block of equally spaced nodes.
+    """The places of the coordinates: a row of integers for each block of equally spaced nodes.
 
     Positions and lengths are in tokens (ASCII) or bytes (binary), counted from where the section's body
     begins.

@@ -169,7 +169,7 @@ def parse(text: bytes, dtype: type, name: str) -> np.ndarray:
 
 
 def is_blank(data: bytes, start: int, stop: int) -> bool:
-    """Whether nothing but white space lies between two offsets."""
+    """True if nothing but white space lies between two offsets."""
     return stop == start or data[start:stop].isspace()
 
 

@@ -87,7 +87,7 @@ def _patch_binary(
 
 
 def _tokens(text: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Where each token of ``text`` starts and stops; tokens are separated by white space."""
+    """Start and stop of each token of ``text``; tokens are separated by white space."""
     solid = np.zeros(len(text) + 2, np.int8)
     solid[1:-1] = np.frombuffer(text, np.uint8) > ord(" ")  # what lies below was found to be white space
     edges = np.diff(solid)

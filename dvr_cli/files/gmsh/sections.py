@@ -19,7 +19,7 @@ _VIEWS = {"NodeData", "ElementData"}
 
 
 class Section(NamedTuple):
-    """Where a section lies: ``data[start:stop]`` is its body, ``data[opening:end]`` includes its markers."""
+    """A section's place: ``data[start:stop]`` is its body, ``data[opening:end]`` includes its markers."""
 
     name: str
     opening: int
@@ -39,7 +39,7 @@ class Sections(NamedTuple):
 
 
 class Header(NamedTuple):
-    """What $MeshFormat says: the format's version, and the byte order of a binary file ("" for ASCII)."""
+    """The contents of $MeshFormat: version, and the byte order of a binary file ("" for ASCII)."""
 
     version: str
     byte_order: str

@@ -31,5 +31,5 @@ def groups_of(file: h5py.File, mesh: str, kind: str) -> dict[str, list[int]]:
 
 
 def members(families: np.ndarray, chosen: list[int]) -> np.ndarray:
-    """Which nodes or cells are in one of the families chosen; families: that of each."""
+    """The numbers of the nodes or cells in one of the families chosen; families: that of each."""
     return np.flatnonzero(np.isin(families, chosen))

@@ -68,7 +68,7 @@ class BinaryFile:
 
     @property
     def single(self) -> bool:
-        """Whether coordinates are stored as float32."""
+        """True if coordinates are stored as float32."""
         return self._real.itemsize == 4
 
     def count(self, name: str) -> int | None:
@@ -118,7 +118,7 @@ class BinaryFile:
         return b"".join(pieces)
 
     def _wide_body(self, section: _Section) -> bytes | None:
-        """What follows the positions of a section, its float32 as float64; None if it is not known."""
+        """The bytes behind the positions of a section, its float32 as float64; None if they are not known."""
         name = _name(section.code)
         body = self._data[section.begin : section.end]
         if name in WHOLE or name in ELEMENTS or section.code == DIMENSION:

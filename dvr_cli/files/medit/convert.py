@@ -56,7 +56,7 @@ class ConvertedMedit(Source):
 
 
 class _Converted:
-    """What ``make_mesh`` asks a file for, of one not yet written."""
+    """A file not yet written, with what ``make_mesh`` asks a file for."""
 
     def __init__(self, points: np.ndarray, references: np.ndarray, sections: _Sections) -> None:
         self._points, self._references, self._sections = points, references, sections
@@ -75,7 +75,7 @@ def convert(mesh: Mesh, unread: Sequence[str]) -> ConvertedMedit:
 
 
 def named_binary(path: Path | None) -> bool:
-    """Whether a file of this name is binary: programs go by the suffix."""
+    """True if a file of this name is binary: programs go by the suffix."""
     return path is not None and path.suffix.lower() == ".meshb"
 
 
@@ -119,7 +119,7 @@ def _sections_of(mesh: Mesh) -> _Sections:
 
 
 def _names(name: str, keyword: str) -> bool:
-    """Whether a set of this name is a section about elements of this keyword."""
+    """True if a set of this name is a section about elements of this keyword."""
     return name == f"Required{keyword}" or (name == "Ridges" and keyword == "Edges")
 
 

@@ -83,7 +83,7 @@ def make_mesh(file: MeditFile) -> Mesh:
 
 
 def _subject(name: str, elements: dict[str, np.ndarray]) -> tuple[str | None, int]:
-    """What a section like RequiredEdges says of elements ("Required"), and the block of these; else None."""
+    """The property that a section like RequiredEdges gives elements, and their block; else None."""
     kind, of = ("Ridges", "Edges") if name == "Ridges" else (None, "")
     for word in ("Required", "Periodic"):
         if name.startswith(word):

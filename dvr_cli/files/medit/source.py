@@ -62,7 +62,7 @@ class MeditSource(Source):
 
     @property
     def _other(self) -> ConvertedMedit | None:
-        """What writes the mesh where the target's suffix asks for the other kind, binary or text."""
+        """The source that writes where the target's suffix asks for the other kind, binary or text."""
         if self.target is None or self.target.suffix.lower() not in (".mesh", ".meshb"):
             return None
         if named_binary(self.target) == isinstance(self._file, BinaryFile):

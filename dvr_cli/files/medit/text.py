@@ -118,7 +118,7 @@ class TextFile:
 
 
 def _sections(text: bytes) -> dict[str, tuple[int, int]]:
-    """Where each section begins, behind its keyword, and where it ends."""
+    """The start of each section, behind its keyword, and its end."""
     characters = np.frombuffer(b" " + text, dtype=np.uint8)
     letter = (characters[1:] | 32) - ord("a") < 26  # unsigned: what lies before wraps round
     starts = np.flatnonzero(letter & is_blank(characters[:-1])).tolist()
@@ -138,7 +138,7 @@ def _sections(text: bytes) -> dict[str, tuple[int, int]]:
 
 
 def _what_else(text: bytes) -> str:
-    """Why this is no MEDIT file; other programs use the suffix for files of their own."""
+    """The reason why this is no MEDIT file; other programs use the suffix for files of their own."""
     head = text[:200].split()
     if head and head[0] == b"MFEM":
         return "a mesh of MFEM, which is not supported; only MEDIT's .mesh is (MFEM can save it as VTK)"

@@ -19,7 +19,10 @@ _DEEPEST = 16  # files that include one another
 
 
 def statements(lower: bytes, word: bytes, begin: int = 0) -> Iterator[int]:
-    """Where ``word`` begins a line, blanks aside, in a text in lower case; quicker than a pattern."""
+    """The positions of ``word`` where it begins a line, blanks aside, in a text in lower case.
+
+    A pattern would be slower.
+    """
     at = lower.find(word, begin)
     while at >= 0:
         line = lower.rfind(b"\n", 0, at) + 1
@@ -55,7 +58,7 @@ class Assembly:
         del self._pieces
 
     def line_at(self, position: int) -> str:
-        """What to call the line at a position in ``data``: its number, as an editor counts, and its file."""
+        """The line at a position in ``data`` in words: its number, as an editor counts, and its file."""
         segment = int(np.searchsorted(self._begin, position, side="right")) - 1
         part = self.parts[int(self._part[segment])]
         own = position - int(self._begin[segment]) + int(self._offset[segment])

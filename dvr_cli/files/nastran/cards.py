@@ -35,7 +35,7 @@ _INTEGER = re.compile(rb"[+-]?\d+")
 
 
 class Fields(NamedTuple):
-    """Where some fields of some cards are, in positions of ``Deck.text``, all of shape (cards, fields).
+    """The places of some fields of some cards, in positions of ``Deck.text``, all of shape (cards, fields).
 
     starts, stops: of the text in the field, blanks around it left out; equal for a blank field.
     begins, limits: the field itself; in columns where it begins and where it, or the line, ends.
@@ -88,7 +88,7 @@ class Deck:
         return np.flatnonzero(np.isin(self.name, wanted))
 
     def fields(self, cards: np.ndarray, first: int, last: int, stripped: bool = True) -> Fields:
-        """Where the fields from number ``first`` up to ``last`` are, without it; 0 is behind the name.
+        """The places of the fields from number ``first`` up to ``last``, without it; 0 is behind the name.
 
         stripped: False: blanks around the text in a field count as text, which is quicker to find.
         Raises InputError for lines of too many fields and for lines that do not follow the one they continue.
@@ -146,12 +146,12 @@ class Deck:
         return [self.text[a:b].tobytes().decode("latin-1") for a, b in pairs]
 
     def has_commas(self, cards: np.ndarray) -> bool:
-        """Whether a line that any of the cards begins or ends with has commas."""
+        """True if a line that any of the cards begins or ends with has commas."""
         first = self.first[cards]
         return bool((self._free[first] | self._free[first + self.count[cards] - 1]).any())
 
     def commas(self, line: int) -> int:
-        """How many commas a line has."""
+        """The number of commas in a line."""
         return int(self._n_commas[line])
 
     def refuse(self, line: int, why: str) -> NoReturn:
@@ -252,7 +252,7 @@ class Deck:
         self.names = [names[i].tobytes().strip() for i in first[: len(distinct)]]
 
     def _span(self, line: np.ndarray, j: int, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where field j of each line begins and ends: before it begins where the line is too short."""
+        """Begin and end of field j of each line; the end comes first where the line is too short."""
         begin = self.start[line] + SMALL + j * columns
         limit = np.minimum(begin + columns, self.limit[line])
         free = self._free[line]

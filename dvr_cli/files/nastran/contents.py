@@ -1,4 +1,4 @@
-"""What a deck has beyond its mesh, by kind and number."""
+"""The contents of a deck beyond its mesh, by kind and number."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ class NastranSource(Source):
         return result
 
     def _changes(self, points: np.ndarray) -> tuple[list[Change], np.ndarray]:
-        """What is replaced for these coordinates, ascending, and the coordinates that are read back."""
+        """The replacements for these coordinates, ascending, and the coordinates that are read back."""
         key = np.ascontiguousarray(points).tobytes()
         if self._last is None or self._last[0] != key:
             stored = self.mesh.points.copy()
@@ -260,7 +260,7 @@ def read(file: InputFile) -> NastranSource:
 
 
 def _bulk(data: bytes) -> tuple[int, int]:
-    """Where the bulk data begin and end: all of a file without sections."""
+    """Begin and end of the bulk data: all of a file without sections."""
     lower = data.lower()
     sections = list(statements(lower, b"begin"))
     if len(sections) > 1:

@@ -117,7 +117,7 @@ def _mesh(file: TextStl | BinaryStl, points: np.ndarray, facets: np.ndarray, rea
 
 
 def _is_binary(data: bytes) -> bool:
-    """Whether a file is binary: its length says so, or it is no text that begins with the word solid."""
+    """True if a file is binary: its length says so, or it is no text that begins with the word solid."""
     if len(data) >= HEADER and len(data) == HEADER + FACET.itemsize * declared(data):
         return True
     words = data[:1024].split(None, 1)

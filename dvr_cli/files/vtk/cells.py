@@ -182,7 +182,7 @@ def blocks_of(
 
 
 def _runs(types: np.ndarray, sizes: np.ndarray) -> list[int]:
-    """Where runs of cells of one type and size begin, and where the last ends."""
+    """The first cells of runs of one type and size, and the number behind the last cell."""
     if not len(types):
         return []
     breaks = np.flatnonzero((np.diff(types) != 0) | (np.diff(sizes) != 0)) + 1

@@ -124,5 +124,5 @@ def _name(scanner: Scanner) -> str:
 
 
 def _color(scanner: Scanner) -> str:
-    """How colours are stored."""
+    """The type in which colours are stored."""
     return "unsigned_char" if scanner.binary else "float"

@@ -33,7 +33,7 @@ _IMPLICIT = ("structured_points", "rectilinear_grid")
 
 @dataclass(frozen=True)
 class PointsSection:
-    """Where a file keeps its coordinates: offsets in its bytes.
+    """The place of a file's coordinates: offsets in its bytes.
 
     type_name: their type in lower case; the word itself begins at ``type_begin``.
     begin, end: the coordinates.
@@ -48,7 +48,7 @@ class PointsSection:
 
 @dataclass
 class Geometry:
-    """What the sections up to POINT_DATA or CELL_DATA say.
+    """The contents of the sections up to POINT_DATA or CELL_DATA.
 
     dataset: "unstructured_grid", "polydata" or "structured_grid".
     section, points: the POINTS, (N, 3) in the type of the file.

@@ -182,5 +182,5 @@ class Scanner:
 
 
 def is_integer(type_name: str) -> bool:
-    """Whether values of the type are whole numbers."""
+    """True if values of the type are whole numbers."""
     return _TYPES.get(type_name, "f")[0] in "iu"

@@ -39,7 +39,7 @@ _BLANKS = re.compile(rb"\s*")
 
 @dataclass(frozen=True)
 class Coding:
-    """How a file writes binary arrays: order "<" or ">", the type of headers, and how it compresses."""
+    """The coding of a file's binary arrays: order "<" or ">", the type of headers, and the compression."""
 
     order: Literal["<", ">"]
     header: np.dtype
@@ -81,7 +81,7 @@ class Stored:
 
 
 def is_numeric(element: Element) -> bool:
-    """Whether the values of an array are numbers of a type known here."""
+    """True if the values of an array are numbers of a type known here."""
     return element.name == "DataArray" and element.attributes.get("type") in _TYPES
 
 

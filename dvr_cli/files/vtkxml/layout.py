@@ -1,4 +1,4 @@
-"""Where things are in a VTK XML file: its coding, its pieces, and the arrays in them."""
+"""The layout of a VTK XML file: its coding, its pieces, and the arrays in them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Layout:
         return self.dataset.named("Piece")
 
     def array(self, element: Element, what: str) -> StoredArray:
-        """Where an array is; raises InputError."""
+        """The place of an array; raises InputError."""
         return stored_array(element, self.appended, what)
 
     def read(self, element: Element, what: str, count: int | None) -> Stored:

@@ -108,7 +108,7 @@ class VtkXmlSource(Source):
         return self._rewritten(edited(self._layout.data, edits), mesh)
 
     def _insertion(self, piece: Element, name: str, values: np.ndarray) -> Edit:
-        """What puts an array into the CellData of a piece."""
+        """The edit that puts an array into the CellData of a piece."""
         data = self._layout.data
         head = f'<DataArray type="Float64" Name={quoteattr(name)} format="binary">'
         array = b"\n".join([head.encode(), encode(self._layout.coding, True, values), b"</DataArray>"])
@@ -128,7 +128,7 @@ class VtkXmlSource(Source):
         return any(piece.array.dtype.kind != "f" for piece in self._points)
 
     def _edits(self, points: np.ndarray, wide: bool = False) -> list[Edit]:
-        """What replaces the coordinates, and what follows from arrays that got longer or shorter.
+        """The edits that replace the coordinates, and those that follow where arrays got longer or shorter.
 
         wide: store Float64 in all pieces.
         """
@@ -313,7 +313,7 @@ def _common(pieces: list[dict]) -> list[str]:
 
 
 def _unread(layout: Layout, on_points: set[str], on_cells: set[str]) -> list[str]:
-    """What the file has beyond the mesh, one line a kind."""
+    """The contents of the file beyond the mesh, one line a kind."""
     fields = [
         e.attributes.get("Name", "")
         for part in layout.dataset.walk()

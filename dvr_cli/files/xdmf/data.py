@@ -105,7 +105,7 @@ def _nothing(like: np.ndarray, n: int) -> np.ndarray:
 def _places(
     known: list[Cells], of_grid: list[Cells], numbers: list[np.ndarray], name: str
 ) -> list[tuple[int, np.ndarray, np.ndarray]] | None:
-    """Where the cells of a grid are among those known: block, rows, and numbers in the grid; None if not.
+    """The places of a grid's cells among those known: block, rows, and numbers in the grid; or None.
 
     Raises InputError if some are and some are not.
     """

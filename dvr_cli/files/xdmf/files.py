@@ -1,4 +1,4 @@
-"""Where the HDF5 and raw files of an XDMF output go: never over a file that does not belong to it."""
+"""The paths of the HDF5 and raw files of an XDMF output: never those of files that do not belong to it."""
 
 from __future__ import annotations
 

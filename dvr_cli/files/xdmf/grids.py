@@ -14,7 +14,7 @@ _POINTS = {"xyz": 3, "xy": 2, "x_y_z": 3, "x_y": 2}
 
 @dataclass
 class Grids:
-    """What makes up the mesh.
+    """The parts that make up the mesh.
 
     geometries: the Geometry elements, all with the same text; dimension: of the points.
     grids: those that hold cells of their own: name, Topology and Attributes.
@@ -28,7 +28,7 @@ class Grids:
 
     @property
     def apart(self) -> bool:
-        """Whether each coordinate has an array of its own."""
+        """True if each coordinate has an array of its own."""
         return len(self.geometries[0].named("DataItem")) > 1
 
 
@@ -108,7 +108,7 @@ def _kind(geometry: Element) -> str:
 
 
 def _inner(data: bytes, element: Element) -> bytes:
-    """What is in an element, with its type: equal for elements that refer to the same arrays."""
+    """The contents of an element, with its type: equal for elements that refer to the same arrays."""
     kind = repr(sorted(element.attributes.items())).encode()
     return b" ".join([kind, *data[element.inside : element.end_tag].split()])
 

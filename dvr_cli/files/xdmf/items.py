@@ -90,7 +90,7 @@ def read_item(data: bytes, item: Item, beside: Callable[[str], bytes]) -> np.nda
 
 
 def renamed(data: bytes, item: Item, name: str) -> Edit:
-    """What makes a DataItem refer to another file."""
+    """The edit that makes a DataItem refer to another file."""
     begin, end = item.element.text
     text = data[begin:end]
     at = begin + len(text) - len(text.lstrip())

@@ -38,7 +38,7 @@ class Coordinates:
     axis: int | None
 
     def of(self, points: np.ndarray) -> np.ndarray:
-        """What the array has for these points, (count,)."""
+        """The values of the array for these points, (count,)."""
         return points.ravel() if self.axis is None else points[:, self.axis]
 
 
@@ -245,7 +245,7 @@ def _text(data: bytes, item: Item, values: np.ndarray) -> Edit:
 
 
 def _as_double(data: bytes, element: Element) -> list[Edit]:
-    """What declares an array to be of 64 bits."""
+    """The edit that declares an array to be of 64 bits."""
     edits = []
     for name, value in (("Precision", b"8"), ("NumberType", b"Float"), ("DataType", b"Float")):
         if name in element.attributes:
