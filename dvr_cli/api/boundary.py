@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dvr_cli.api.options import SmoothOptions
-from dvr_cli.boundary.constraints import constraints_of, surface_constraints
+from dvr_cli.boundary.constraints import Constraints, constraints_of, surface_constraints
 from dvr_cli.boundary.extent import extent
 from dvr_cli.boundary.features import features_of
 from dvr_cli.boundary.freedom import Freedom, interior_freedom
@@ -33,10 +33,12 @@ class Moves:
     """The moves open to each vertex: within its freedom, or along a curved boundary.
 
     parts: the curved parts of the boundary, None where no vertex moves along them.
+    constraints: what keeps its shape where the boundary moves, None where it stays.
     """
 
     freedom: Freedom
     parts: SmoothParts | None
+    constraints: Constraints | None = None
 
     @property
     def relaxed(self) -> np.ndarray:
@@ -63,11 +65,11 @@ def moves_of(mesh: Mesh, domain: Domain, boundary: str, selected: np.ndarray, fe
         constraints = constraints_of(mesh, domain)
         flat = features_of(domain.points, domain.interior, constraints).freedom.only(selected)
         if boundary == "slide":
-            return Moves(flat, None)
+            return Moves(flat, None, constraints)
         smooth = features_of(domain.points, domain.interior, constraints, angle)
     smooth = replace(smooth, freedom=smooth.freedom.only(selected))
     parts = smooth_parts_of(domain.points, constraints, smooth, flat)
-    return Moves(parts.exact, parts if len(parts.projected) else None)
+    return Moves(parts.exact, parts if len(parts.projected) else None, constraints)
 
 
 def relax_with_projection(

@@ -109,7 +109,7 @@ def smooth_mesh(
     if run.stopped_because in _DONE or _is_capped(after):
         limited_by = _limit(mesh, domain, options, masks, relaxed, points, after)
     report = SmoothReport(
-        mesh=summarise(mesh, domain),
+        mesh=summarise(mesh, domain, moves.constraints),
         relaxed=len(relaxed),
         before=before,
         after=after,

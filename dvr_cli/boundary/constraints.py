@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvr_cli.boundary.unconnected import coincident_vertices, hanging_vertices
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.facets import facets_of, numbered, outlines
@@ -35,6 +36,8 @@ class Constraints:
     lines: (L, 2) the edges of a volume mesh that lie under line cells, each once. line_label: (L,) as label.
     fixed: (N,) bool, vertices that stay for other reasons: vertex cells, periodic links, lower cells that are
         no facet or edge of the mesh, curved facets.
+    hanging: (m,) vertices that hang on a facet they are not connected to; these and the facet's are fixed.
+    coincident: (k,) vertices on the boundary that others lie on.
     rounding: how far rounding may have put a vertex off its plane or line.
     """
 
@@ -44,6 +47,8 @@ class Constraints:
     lines: np.ndarray
     line_label: np.ndarray
     fixed: np.ndarray
+    hanging: np.ndarray
+    coincident: np.ndarray
     rounding: float
 
 
@@ -103,6 +108,10 @@ def constraints_of(mesh: Mesh, domain: Domain) -> Constraints:
     lines, line_label, off = _lines(mesh, wires, named[is_edge], which[is_edge], sides.sides)
     _fix(fixed, off)
 
+    single = seen[shared == 1]
+    hanging, held = hanging_vertices(domain.points, single)
+    fixed[hanging] = True
+    _fix(fixed, single[held])
     rounding = ROUNDING * float(np.abs(mesh.points).max(initial=0.0))
     if domain.mids is not None:
         bent = domain.mids.bent(mesh.points, rounding, EXACT)
@@ -114,6 +123,8 @@ def constraints_of(mesh: Mesh, domain: Domain) -> Constraints:
         lines=lines,
         line_label=line_label,
         fixed=fixed,
+        hanging=hanging,
+        coincident=coincident_vertices(domain.points, np.unique(single[single >= 0])),
         rounding=rounding,
     )
 
@@ -141,6 +152,8 @@ def surface_constraints(mesh: Mesh, domain: Domain) -> Constraints:
         lines=lines,
         line_label=line_label,
         fixed=fixed,
+        hanging=np.empty(0, dtype=np.int64),
+        coincident=coincident_vertices(domain.points, np.unique(facets[facets >= 0])),
         rounding=ROUNDING * float(np.abs(mesh.points).max(initial=0.0)),
     )
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from dvr_cli import __version__
+from dvr_cli.boundary.constraints import Constraints
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.region_choice import Divider
@@ -32,6 +33,8 @@ class MeshSummary:
     cells: number of cells by type, of all dimensions. dimension: 2 or 3. mirrored: cells stored inside out.
     regions: how many regions there are, and divided_by: what tells them apart.
     repeated: cells that have the vertices of another and count once with it. orphans: vertices in no cell.
+    hanging: vertices inside a facet they are not connected to; coincident: those in the place of
+        another. Both are looked for only where the boundary moves, else None.
     curved: second-order cells that are not straight. surface:
         whether it is a surface in space.
     """
@@ -44,6 +47,8 @@ class MeshSummary:
     divided_by: tuple[Divider, ...]
     repeated: int
     orphans: int
+    hanging: int | None
+    coincident: int | None
     curved: int
     surface: bool
 
@@ -159,8 +164,8 @@ class SmoothReport:
         }
 
 
-def summarise(mesh: Mesh, domain: Domain) -> MeshSummary:
-    """The summary of a mesh and its domain."""
+def summarise(mesh: Mesh, domain: Domain, constraints: Constraints | None = None) -> MeshSummary:
+    """The summary of a mesh and its domain; constraints: those of a boundary that moves."""
     cells: dict[str, int] = {}
     for block in mesh.cells:
         cells[block.type] = cells.get(block.type, 0) + len(block.vertices)
@@ -173,6 +178,8 @@ def summarise(mesh: Mesh, domain: Domain) -> MeshSummary:
         divided_by=domain.divided_by,
         repeated=len(domain.repeated),
         orphans=_orphans(mesh),
+        hanging=None if constraints is None else len(constraints.hanging),
+        coincident=None if constraints is None else len(constraints.coincident),
         curved=domain.mids.curved if domain.mids is not None else 0,
         surface=domain.is_surface,
     )

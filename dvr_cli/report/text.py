@@ -243,6 +243,16 @@ def notes(mesh: MeshSummary) -> list[str]:
         notes.append(f"{_count(mesh.repeated, 'cell')} given again with the same vertices, counted once")
     if mesh.orphans:
         notes.append(f"{mesh.orphans} of the points belong to no cell")
+    if mesh.hanging:
+        notes.append(
+            f"{_count(mesh.hanging, 'hanging node')}: kept in place, with the facets of cells they are not "
+            "connected to"
+        )
+    if mesh.coincident:
+        notes.append(
+            f"{mesh.coincident} vertices of the boundary lie on others that they are not connected to, "
+            "and move by themselves"
+        )
     if mesh.curved:
         notes.append(f"{_count(mesh.curved, 'second-order cell')} curved, taken as straight")
     return notes

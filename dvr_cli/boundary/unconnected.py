@@ -1,0 +1,105 @@
+"""Vertices that touch what they are not connected to: those that hang on a facet, those in one place.
+
+A vertex *hangs* on a facet if it lies inside it or inside an edge of it and is not one of its vertices: in a
+mesh refined in part, in the middle of the edge or face of a coarser neighbour.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise, product
+
+import numpy as np
+
+from dvr_cli.mesh.hashing import mixed
+
+_NEAR = 1e-6  # of the size of a facet: how far off it a vertex may be to count as on it
+_PAIRS = 1 << 20  # pairs of facets and vertices looked at together
+
+
+def hanging_vertices(points: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices (m,) of ``facets`` (F, w) that hang on another one, and the facets (k,) they hang on.
+
+    Shorter rows end in -1.
+
+    points: (N, d). Facets are edges in the plane, planar faces in space.
+    """
+    vertices = np.unique(facets[facets >= 0])
+    hangs, holds = np.zeros(len(points), dtype=bool), np.zeros(len(facets), dtype=bool)
+    filled = np.where(facets < 0, facets[:, :1], facets)
+    low, high = points[filled].min(axis=1), points[filled].max(axis=1)
+    size = (high - low).max(axis=1, initial=0.0)
+    level = np.frexp(size)[1]  # boxes of width 2^level: a facet reaches into two of them along each axis
+    for one in np.unique(level[size > 0]):
+        own = np.flatnonzero((level == one) & (size > 0))
+        width = np.ldexp(1.0, int(one))
+        place = _box(np.floor(points[vertices] / width))
+        order = np.argsort(place, kind="stable")
+        first = np.floor(low[own] / width)
+        for step in product((0.0, 1.0), repeat=points.shape[1]):
+            box = _box(first + step)
+            start, stop = (np.searchsorted(place[order], box, side=side) for side in ("left", "right"))
+            for lo, hi in _portions(stop - start):
+                count = (stop - start)[lo:hi]
+                facet = np.repeat(own[lo:hi], count)
+                offset = np.arange(len(facet)) - np.repeat(np.cumsum(count) - count, count)
+                vertex = vertices[order[np.repeat(start[lo:hi], count) + offset]]
+                near = _NEAR * size[facet][:, None]
+                above, below = points[vertex] - low[facet] >= -near, points[vertex] - high[facet] <= near
+                inside = (above & below).all(axis=1)
+                vertex, facet = vertex[inside], facet[inside]
+                on = _lies_on(points, vertex, filled[facet], size[facet])
+                hangs[vertex[on]] = True
+                holds[facet[on]] = True
+    return np.flatnonzero(hangs), np.flatnonzero(holds)
+
+
+def coincident_vertices(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """Those of ``vertices`` (m,) that are in the very place of another one of them."""
+    places = points[vertices] + 0.0  # of -0.0 and 0.0 one
+    _, number, count = np.unique(places, axis=0, return_inverse=True, return_counts=True)
+    return vertices[count[number.ravel()] > 1]
+
+
+def _box(cells: np.ndarray) -> np.ndarray:
+    """(n,) a number for each box of a grid, given by whole numbers (n, d)."""
+    number = np.zeros(len(cells), dtype=np.uint64)
+    for column in cells.T:
+        number = mixed(number ^ (column + 0.0).view(np.uint64))
+    return number
+
+
+def _portions(counts: np.ndarray) -> list[tuple[int, int]]:
+    """Stretches of rows with about _PAIRS pairs each."""
+    total = np.cumsum(counts)
+    cuts = np.searchsorted(total, np.arange(_PAIRS, int(total[-1]) if len(total) else 0, _PAIRS)) + 1
+    ends = np.unique(np.concatenate([[0], cuts, [len(counts)]])).tolist()
+    return list(pairwise(ends))
+
+
+def _lies_on(points: np.ndarray, vertex: np.ndarray, facets: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """(n,) bool: whether each vertex lies on its facet (n, w), away from the facet's vertices."""
+    place, around = points[vertex], points[facets]
+    near = _NEAR * size
+    away = (np.linalg.norm(around - place[:, None], axis=2) > near[:, None]).all(axis=1)
+    if facets.shape[1] == 2:
+        along = around[:, 1] - around[:, 0]
+        offset = place - around[:, 0]
+        t = (offset * along).sum(axis=1) / np.maximum((along * along).sum(axis=1), np.finfo(float).tiny)
+        distance = np.linalg.norm(offset - t[:, None] * along, axis=1)
+        return away & (t > 0) & (t < 1) & (distance <= near)
+    width = facets.shape[1]
+    diagonal = around[:, 3] - around[:, 1] if width == 4 else around[:, 2] - around[:, 1]
+    normal = (
+        np.cross(around[:, 2] - around[:, 0], diagonal)
+        if width == 4
+        else np.cross(around[:, 1] - around[:, 0], around[:, 2] - around[:, 0])
+    )
+    length = np.linalg.norm(normal, axis=1)
+    normal = np.divide(normal, length[:, None], out=np.zeros_like(normal), where=length[:, None] > 0)
+    on = away & (length > 0) & (np.abs(((place - around[:, 0]) * normal).sum(axis=1)) <= near)
+    for k in range(width):
+        edge = around[:, (k + 1) % width] - around[:, k]
+        inward = np.cross(normal, edge)
+        reach = np.linalg.norm(edge, axis=1)
+        on &= ((place - around[:, k]) * inward).sum(axis=1) >= -near * reach
+    return on
