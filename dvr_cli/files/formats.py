@@ -111,8 +111,14 @@ REGISTRY = (
         reader="medit",
         converter="medit",
     ),
-    Format("off", (".off",), re.compile(_COMMENTS + rb"(C?O?FF)\b")),
-    Format("ply", (".ply",), re.compile(rb"ply\r?\n")),
+    Format(
+        "off",
+        (".off",),
+        re.compile(_BOM + _COMMENTS + rb"(ST)?C?N?4?n?OFF\b"),
+        reader="off",
+        converter="off",
+    ),
+    Format("ply", (".ply",), re.compile(rb"ply[ \t]*[\r\n]"), reader="ply"),
     Format(
         "obj",
         (".obj",),

@@ -1,0 +1,5 @@
+"""PLY files: polygons, strips and edges with any properties, text or binary."""
+
+from dvr_cli.files.ply.source import read
+
+__all__ = ["read"]
