@@ -74,14 +74,17 @@ class TextLines:
             raise self.refusal(first + int(short.argmax()), f"{least} numbers are needed for a {what}")
         return rows
 
-    def numbers(self, rows: Rows, first: int, dtype: type) -> np.ndarray:
-        """All numbers in the rows, the lines from ``first`` on; InputError names a line without."""
+    def numbers(self, rows: Rows, first: int, dtype: type, blanked: int = 0) -> np.ndarray:
+        """All numbers in the rows, the lines from ``first`` on; InputError names a line without.
+
+        blanked: how many words of each row have been blanked out.
+        """
         try:
-            return rows.numbers(int(rows.counts.sum()), dtype)
+            return rows.numbers(int(rows.counts.sum()) - blanked * len(rows.counts), dtype)
         except ValueError:
             for line in range(len(rows.counts)):
                 try:
-                    rows.line_numbers(line, int(rows.counts[line]), dtype)
+                    rows.line_numbers(line, int(rows.counts[line]) - blanked, dtype)
                 except ValueError:
                     break
             raise self.refusal(first + line, "not numbers of the kind that belongs here") from None
