@@ -350,7 +350,7 @@ TABLE = (
         "straighten",
         SWITCH,
         False,
-        "Take curved second-order cells as straight instead of refusing.",
+        "Take curved second-order cells as straight instead of keeping their vertices in place.",
         RUNS,
         recorded=True,
     ),

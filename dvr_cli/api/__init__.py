@@ -114,8 +114,8 @@ def compare(before: meshio.Mesh, *after: meshio.Mesh) -> Comparison:
 
 
 def mesh_quality(mesh: Mesh, worst: int = 10, regions: RegionChoice = ()) -> QualityReport:
-    """The quality report of a Mesh; curved second-order cells count as straight."""
-    domain = domain_of(mesh, straighten=True, regions=regions)
+    """The quality report of a Mesh."""
+    domain = domain_of(mesh, regions=regions)
     relaxed = np.flatnonzero(domain.interior)
     return QualityReport(summarise(mesh, domain), len(relaxed), measure(domain, mesh.points, relaxed, worst))
 

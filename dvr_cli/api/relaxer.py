@@ -110,6 +110,10 @@ class Relaxer:
         self._options = options
         self._point_data = mesh.point_data
         self.domain = domain_of(mesh, options.straighten, self.engine_kind.backend, options.region_choice)
+        if len(self.domain.curved_vertices):
+            raise InputError(
+                "curved second-order cells cannot be followed; --straighten takes them as straight"
+            )
         if self.domain.is_surface:
             raise InputError("a surface in space cannot be followed; planar and volume meshes can")
         self.points = mesh.points.copy()

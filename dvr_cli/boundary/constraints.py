@@ -61,6 +61,7 @@ def constraints_of(mesh: Mesh, domain: Domain) -> Constraints:
     sheets, wires = [], []
     fixed = np.zeros(n_points, dtype=bool)
     fixed[mesh.periodic.ravel()] = True
+    fixed[domain.curved_vertices] = True
     for b, block in enumerate(linear):
         if not len(block.vertices):
             continue
@@ -134,6 +135,7 @@ def surface_constraints(mesh: Mesh, domain: Domain) -> Constraints:
     linear = linear_cells(mesh.cells)
     fixed = np.zeros(len(mesh.points), dtype=bool)
     fixed[mesh.periodic.ravel()] = True
+    fixed[domain.curved_vertices] = True
     for block in linear:
         if block.type == "vertex":
             fixed[block.vertices] = True

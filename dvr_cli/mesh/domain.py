@@ -46,7 +46,8 @@ class Domain:
     mirrored: how many cells are stored inside out (they stay so in any output).
     plane: the plane of a planar mesh, None for a volume mesh and a surface.
     mids: the nodes of second-order cells that follow their corners, None if there are none.
-    straighten: whether those that move lose their offset from the straight edge or face.
+    straighten: whether curved second-order cells are taken as straight, and mid nodes that move lose their
+        offset from the straight edge or face.
     backend: what computes; the results are the same.
     """
 
@@ -78,6 +79,12 @@ class Domain:
     def cell_types(self) -> np.ndarray:
         """(n,) meshio's type name of each cell."""
         return np.repeat([block.type for block in self.cells], [len(block.vertices) for block in self.cells])
+
+    @property
+    def curved_vertices(self) -> np.ndarray:
+        """(h,) the vertices that stay because a curved cell has them."""
+        none = np.empty(0, dtype=np.int64)
+        return none if self.mids is None or self.straighten else self.mids.held
 
     @property
     def is_tilted(self) -> bool:
@@ -116,12 +123,11 @@ def domain_of(
 ) -> Domain:
     """Check a mesh and find its domain.
 
-    straighten: take curved second-order cells as straight.
+    straighten: take curved second-order cells as straight; else their vertices are not interior.
     backend: what computes; the result is the same. regions: see ``region_choice``.
 
     Raises InputError for a mesh without planar or volume cells, with coordinates that are not finite, with
-    cells that name missing vertices or one vertex twice, or with cells that cannot be relaxed (curved
-    second-order cells, polygons).
+    cells that name missing vertices or one vertex twice, or with cells that cannot be relaxed (polygons).
     """
     _check_values(mesh)
     linear = linear_cells(mesh.cells)
@@ -131,7 +137,7 @@ def domain_of(
     _check_types(linear, dimension)
     if dimension > mesh.points.shape[1]:
         raise InputError("volume cells need three coordinates, the points have 2")
-    mids = mid_nodes(mesh, straighten)
+    mids = mid_nodes(mesh)
     blocks = [b for b, block in enumerate(linear) if relaxed_dimension(block.type) == dimension]
     stored = [Cells(linear[b].type, linear[b].vertices.astype(np.int32)) for b in blocks]
     start = np.concatenate([[0], np.cumsum([len(block.vertices) for block in mesh.cells])])
@@ -156,6 +162,9 @@ def domain_of(
         measures = as_stored.by_cell(np.add, backend.twin(determinants)(points, as_stored.vertices))
         mirrored = mirrored_cells(measures, stored, backend)
     cells = with_mirrored(stored, mirrored)
+    interior = _interior(mesh, linear, stored, blocks, region, backend) & mesh.unlinked
+    if mids is not None and not straighten:
+        interior[mids.held] = False
     return Domain(
         points=points,
         cells=cells,
@@ -164,7 +173,7 @@ def domain_of(
         corners=corners_of(cells, dimension) if mirrored.any() else as_stored,
         region=region,
         divided_by=divided_by,
-        interior=_interior(mesh, linear, stored, blocks, region, backend) & mesh.unlinked,
+        interior=interior,
         mirrored=int(mirrored.sum()),
         plane=plane,
         mids=mids,

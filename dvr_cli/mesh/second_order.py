@@ -25,13 +25,15 @@ class MidNodes:
 
     nodes: (n,) their indices. around: (n, w) the vertices around each, rows filled up with the first.
     weights: (n, w) with which these give a node's straight place.
-    curved: how many cells have a node farther than STRAIGHT from its straight place.
+    curved: how many cells have a node farther than STRAIGHT from its straight place, and held: (h,) the
+        corner vertices of these.
     """
 
     nodes: np.ndarray
     around: np.ndarray
     weights: np.ndarray
     curved: int
+    held: np.ndarray
 
     def bent(self, points: np.ndarray, rounding: float, relative: float) -> np.ndarray:
         """(m, w) the vertices around those nodes that are farther than ``rounding``, or ``relative`` times
@@ -68,36 +70,30 @@ def linear_cells(cells: list[Cells]) -> list[Cells]:
     return result
 
 
-def mid_nodes(mesh: Mesh, straighten: bool) -> MidNodes | None:
+def mid_nodes(mesh: Mesh) -> MidNodes | None:
     """The mid nodes of a mesh, None if it has none.
 
-    Raises InputError when a node is a corner of one cell and a mid node of another, or when cells are curved
-    by more than STRAIGHT, unless ``straighten`` is set.
+    Raises InputError when a node is a corner of one cell and a mid node of another.
     """
     blocks = [block for block in mesh.cells if _linear(block.type) is not None and len(block.vertices)]
     if not blocks:
         return None
     width = max(len(around) for block in blocks for around in CELL_TYPES[block.type].mids)
-    nodes, vertices, counts, curved, largest = [], [], [], 0, 0.0
+    nodes, vertices, counts, curved = [], [], [], 0
+    held = [np.empty(0, dtype=np.int64)]
     for block in blocks:
         cell_type = CELL_TYPES[block.type]
         bent = np.zeros(len(block.vertices), dtype=bool)
         for node, around in zip(block.vertices.T[-len(cell_type.mids) :], cell_type.mids, strict=True):
             ends = block.vertices[:, around]
-            offset = _offset(mesh.points, node, ends)
-            bent |= offset > STRAIGHT
-            largest = max(largest, float(offset.max()))
+            bent |= _offset(mesh.points, node, ends) > STRAIGHT
             filled = np.repeat(ends[:, :1], width, axis=1)
             filled[:, : len(around)] = ends
             nodes.append(node)
             vertices.append(filled)
             counts.append(np.full(len(node), len(around)))
         curved += int(bent.sum())
-    if curved and not straighten:
-        raise InputError(
-            f"{curved} second-order cells are curved, by up to {largest:.2g} of an edge; "
-            "only straight ones can be smoothed (--straighten takes them as straight)"
-        )
+        held.append(block.vertices[bent, : -len(cell_type.mids)].ravel())
     every_node, place = np.unique(np.concatenate(nodes), return_index=True)
     ends = np.concatenate(vertices)[place]
     count = np.concatenate(counts)[place]
@@ -111,7 +107,7 @@ def mid_nodes(mesh: Mesh, straighten: bool) -> MidNodes | None:
     edge = count == 2
     t = _place_on_edge(mesh.points, every_node[edge], ends[edge, :2])
     weights[edge, 0], weights[edge, 1] = 1.0 - t, t
-    return MidNodes(every_node, ends, weights, curved)
+    return MidNodes(every_node, ends, weights, curved, np.unique(np.concatenate(held)))
 
 
 def _linear(name: str) -> CellType | None:

@@ -35,7 +35,8 @@ class MeshSummary:
     repeated: cells that have the vertices of another and count once with it. orphans: vertices in no cell.
     hanging: vertices inside a facet they are not connected to; coincident: those in the place of
         another. Both are looked for only where the boundary moves, else None.
-    curved: second-order cells that are not straight. surface:
+    curved: second-order cells that are not straight, straighten: whether they
+    are taken as such; else their vertices stay. surface:
         whether it is a surface in space.
     """
 
@@ -50,6 +51,7 @@ class MeshSummary:
     hanging: int | None
     coincident: int | None
     curved: int
+    straighten: bool
     surface: bool
 
 
@@ -181,6 +183,7 @@ def summarise(mesh: Mesh, domain: Domain, constraints: Constraints | None = None
         hanging=None if constraints is None else len(constraints.hanging),
         coincident=None if constraints is None else len(constraints.coincident),
         curved=domain.mids.curved if domain.mids is not None else 0,
+        straighten=domain.straighten,
         surface=domain.is_surface,
     )
 

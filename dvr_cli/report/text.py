@@ -254,7 +254,8 @@ def notes(mesh: MeshSummary) -> list[str]:
             "and move by themselves"
         )
     if mesh.curved:
-        notes.append(f"{_count(mesh.curved, 'second-order cell')} curved, taken as straight")
+        how = "taken as straight" if mesh.straighten else "with vertices that stay (--straighten moves them)"
+        notes.append(f"{_count(mesh.curved, 'second-order cell')} curved, {how}")
     return notes
 
 

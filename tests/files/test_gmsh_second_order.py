@@ -61,17 +61,17 @@ def gmsh_mesh(shape: str, incomplete: bool) -> Mesh:
 def test_straight_meshes_of_gmsh_are_found_straight(shape, incomplete, name):
     mesh = gmsh_mesh(shape, incomplete)
     assert name in {block.type for block in mesh.cells}
-    assert mid_nodes(mesh, straighten=False).curved == 0
+    assert mid_nodes(mesh).curved == 0
     for k in range(
         CELL_TYPES[name].linear.nodes, CELL_TYPES[name].nodes - 1
     ):  # and no other order of nodes would be
         swapped = [Cells(b.type, b.vertices.copy()) for b in mesh.cells if b.type == name]
         swapped[0].vertices[:, [k, k + 1]] = swapped[0].vertices[:, [k + 1, k]]
-        assert mid_nodes(Mesh(mesh.points, swapped), straighten=True).curved == len(swapped[0].vertices)
+        assert mid_nodes(Mesh(mesh.points, swapped)).curved == len(swapped[0].vertices)
 
 
 @pytest.mark.parametrize("model", ["second_order", "full_second_order", "incomplete_second_order"])
 def test_models_of_gmsh_stay_straight_when_smoothed(model):
     source = read(corpus(f"{model}-41-binary"))
     points, _ = smooth_mesh(source.mesh, SmoothOptions(stopping=Stopping(max_iterations=4)))
-    assert mid_nodes(Mesh(points, source.mesh.cells), straighten=False).curved == 0
+    assert mid_nodes(Mesh(points, source.mesh.cells)).curved == 0
