@@ -179,19 +179,22 @@ def _stored_result(
         kept = storage.stored(points)
         after = measured(kept)
     if is_worse(after, before):
-        loss = (before.q1 or 0.0) - (after.q1 or 0.0)  # neither is None here
+        name, old, new = "Q1", before.q1 or 0.0, after.q1 or 0.0  # neither is None here
+        if old <= new:
+            name, old, new = "the worst quality", before.minimum, after.minimum
         raise OutputError(
-            f"rounding the coordinates as the output stores them would lower Q1 from {before.q1:.6g} by "
-            f"{loss:.2g}; choose a format with 64-bit coordinates"
+            f"rounding the coordinates as the output stores them would lower {name} from {old:.6g} by "
+            f"{old - new:.2g}; choose a format with 64-bit coordinates"
         )
     return kept, after
 
 
 def is_worse(after: Quality, before: Quality) -> bool:
-    """True if a mesh got a lower Q1 or more inverted elements."""
+    """Whether a mesh of which vertices were relaxed got a lower Q1, a worse element or more inverted ones."""
     if after.q1 is None or before.q1 is None:
         return False
-    return after.inverted > before.inverted or after.q1 < before.q1
+    lower = after.q1 < before.q1 or after.minimum < before.minimum
+    return after.inverted > before.inverted or lower
 
 
 def _is_capped(quality: Quality) -> bool:

@@ -35,4 +35,5 @@ def reference_quality(untangled: Quality, before: Quality) -> Quality:
     if untangled.q1 is None or before.q1 is None:
         return before
     inverted = min(untangled.inverted, before.inverted)
-    return replace(before, q1=min(untangled.q1, before.q1), inverted=inverted)
+    minimum = min(untangled.minimum, before.minimum)
+    return replace(before, q1=min(untangled.q1, before.q1), minimum=minimum, inverted=inverted)

@@ -9,8 +9,10 @@ import pytest
 import dvr_cli
 import dvr_cli.api
 import oracle
+from dvr_cli.api import SmoothOptions, smooth_mesh
 from dvr_cli.errors import DvrError, InputError, UsageError
 from dvr_cli.mesh.domain import domain_of
+from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality.vector import at_least
 from dvr_cli.relax.engines.choice import has_numba
 from meshes import KINDS, delaunay, random_mesh
@@ -376,3 +378,27 @@ def test_polishing_that_would_lower_the_quality_vector_is_undone():
 def test_what_is_no_mesh_is_refused(what):
     with pytest.raises(UsageError, match=f"mesh: .* is needed, not a {type(what).__name__}"):
         dvr_cli.smooth(what, {"triangle": np.array([[0, 1, 2]])})
+
+
+class Rounding:
+    """A place that keeps coordinates in 32 bits until it is asked for more."""
+
+    wide = False
+
+    def stored(self, points):
+        return points if self.wide else points.astype(np.float32).astype(float)
+
+    def widen(self):
+        asked, self.wide = not self.wide, True
+        return asked
+
+
+def test_rounding_may_not_lower_the_worst_element_even_where_nothing_moves():
+    fan = [[0, 0], [1, 0], [1, 1], [0, 1], [0.75, 0.75]]
+    flat = [[1e4 + 0.0003, 0], [1e4 + 1, 0], [1e4 + 0.5, 0.01]]  # in 32 bits its base is longer
+    cells = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [5, 6, 7]])
+    mesh = Mesh(np.array(fan + flat, dtype=float), [Cells("triangle", cells)])
+    storage = Rounding()
+    _, report = smooth_mesh(mesh, SmoothOptions(engine="numpy"), storage)
+    assert storage.wide
+    assert report.before.minimum == report.after.minimum < report.after.q1
