@@ -201,6 +201,13 @@ REGISTRY = (
     Format("mdpa", (".mdpa",)),
     Format("netgen", (".vol",), reader="netgen", several=True),
     Format("permas", (".post",)),
+    Format(
+        "unv",
+        (".unv", ".uff"),
+        re.compile(rb"\s*-1[ \t]*\r?\n\s*\d{2,4}[ \t]*\r?\n"),
+        reader="unv",
+        converter=None,
+    ),
     Format("ugrid", (".ugrid",)),
 )
 FORMATS = tuple(sorted(record.name for record in REGISTRY))

@@ -148,7 +148,7 @@ class Records:
                         items = int.from_bytes(buffer[at : at + head], order, signed=dtype.kind == "i")  # type: ignore[arg-type]
                     else:
                         number = self._numbers[at]
-                        items = int(number) if number % 1 == 0 else -1
+                        items = int(number) if float(number).is_integer() else -1
                     at += head
                 if items < 0 or at + items * size > self.length:
                     raise _ends_early(kind)

@@ -89,13 +89,13 @@ def read(data: bytes) -> Source:
     rows = lines.rows(first, faces, 1, "face")
     values = lines.numbers(rows, first, np.float64)
     sizes = values[rows.first]
-    wrong = (sizes < 1) | (sizes % 1 != 0) | ~(sizes < rows.counts)
+    wrong = (sizes < 1) | (sizes != np.rint(sizes)) | ~(sizes < rows.counts)
     if wrong.any():
         raise lines.refusal(first + int(wrong.argmax()), "a face needs its number of vertices, then those")
     sizes = sizes.astype(np.int64)
     positions, starts = items_of(rows.first + 1, sizes, 1)
     nodes = values[positions]
-    strange = (nodes % 1 != 0) | ~(np.abs(nodes) < _MOST)
+    strange = (nodes != np.rint(nodes)) | ~(np.abs(nodes) < _MOST)
     if strange.any():
         face = int(np.searchsorted(starts, strange.argmax(), side="right")) - 1
         raise lines.refusal(first + face, "the vertices of a face are whole numbers")
