@@ -190,7 +190,7 @@ def _stored_result(
 
 
 def is_worse(after: Quality, before: Quality) -> bool:
-    """Whether a mesh of which vertices were relaxed got a lower Q1, a worse element or more inverted ones."""
+    """True if a mesh of which vertices were relaxed got a lower Q1, a worse element or more inverted ones."""
     if after.q1 is None or before.q1 is None:
         return False
     lower = after.q1 < before.q1 or after.minimum < before.minimum

@@ -47,7 +47,7 @@ class Kind:
 
 @dataclass(frozen=True)
 class Places:
-    """Where the records of a kind are.
+    """The places of the records of a kind.
 
     where: for each property the (n,) positions of its number, or of the first item of its list.
     sizes: for each property the (n,) numbers of items, 1 if it is no list.
@@ -82,7 +82,7 @@ class Records:
             raise InputError(f"line {line}: not a number where numbers are expected: {error}") from None
 
     def size(self, type_name: str) -> int:
-        """How far a number of a type advances the position."""
+        """The number of bytes by which a number of a type advances the position."""
         return np.dtype(type_name).itemsize if self.order else 1
 
     def values(self, positions: np.ndarray, type_name: str) -> np.ndarray:
@@ -102,7 +102,7 @@ class Records:
         return values.astype(np.int64)
 
     def places(self, kind: Kind, begin: int) -> Places:
-        """Where the records of a kind are that begin at a position; InputError if the file ends before."""
+        """The places of the records of a kind from a position on; InputError if the file ends before."""
         if not kind.properties and kind.count:
             raise InputError(f"element {kind.name} has no properties")
         least = sum(self.size(p.count or p.type) for p in kind.properties)
@@ -173,7 +173,7 @@ def _ends_early(kind: Kind) -> InputError:
 
 
 def _first_wrong(data: bytes, begin: int, count: int) -> int:
-    """Where about the first word stands that is no number, of so many words from ``begin`` on."""
+    """The rough place of the first word that is no number, of so many words from ``begin`` on."""
     low, high = 0, count
     while low < high:
         middle = (low + high) // 2

@@ -85,7 +85,7 @@ def _columns(values: np.ndarray) -> np.ndarray:
 
 
 def _kept(name: str, values: np.ndarray) -> bool:
-    """Whether data can be in the file: numbers under a label of one line."""
+    """True if data can be in the file: numbers under a label of one line."""
     plain = name.isprintable() and name.strip() == name and "," not in name and not name.startswith("#")
     return bool(name) and plain and values.dtype.kind in "iufb" and values.shape[1] in (1, 3)
 

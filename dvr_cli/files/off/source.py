@@ -127,7 +127,7 @@ def _header(lines: TextLines) -> tuple[bytes, int, int, int]:
 
 
 def _extra(keyword: bytes) -> int:
-    """How many numbers a vertex has beside its coordinates."""
+    """The number of values a vertex has beside its coordinates."""
     match = _KEYWORD.fullmatch(keyword)
     assert match is not None  # it was found by that
     if match[4] or match[5]:

@@ -106,7 +106,7 @@ class PlySource(Source):
         return text.getvalue()
 
     def _wide_rows(self) -> bytes:
-        """What follows the header of a binary file, coordinates in 64 bits."""
+        """The bytes behind the header of a binary file, coordinates in 64 bits."""
         order, properties = self._records.order, self._vertex.properties
         names = [str(i) for i in range(len(properties))]
         old = np.dtype([(name, order + p.type) for name, p in zip(names, properties, strict=True)])

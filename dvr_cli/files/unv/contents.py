@@ -90,7 +90,7 @@ def _nodes_of(file: UniversalFile, dataset: Dataset, systems: dict[int, str]) ->
 
 
 def _systems(file: UniversalFile) -> dict[int, str]:
-    """What is wrong with each coordinate system the file defines, "" if it is the global one."""
+    """The fault of each coordinate system the file defines, "" if it is the global one."""
     systems: dict[int, str] = {}
     for dataset in file.of("2420"):
         starts, ends = file.lines(dataset)

@@ -59,12 +59,12 @@ class UniversalFile:
         return [dataset for dataset in self.datasets if dataset.number in numbers]
 
     def line_at(self, position: int) -> str:
-        """What to call the line at a position."""
+        """The line at a position in words."""
         before = self.data.count(b"\n", 0, position)
         return f"line {before + 1}"
 
     def lines(self, dataset: Dataset) -> tuple[np.ndarray, np.ndarray]:
-        """Where its lines that are not blank begin and end, their line ends included."""
+        """Begin and end of its lines that are not blank, their line ends included."""
         text = self._text[dataset.begin : dataset.end]
         if not len(text):
             return np.empty(0, np.int64), np.empty(0, np.int64)
