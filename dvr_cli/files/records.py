@@ -82,7 +82,7 @@ class Records:
             raise InputError(f"line {line}: not a number where numbers are expected: {error}") from None
 
     def size(self, type_name: str) -> int:
-        """The number of bytes by which a number of a type advances the position."""
+        """The step in positions from a number of a type to the next one."""
         return np.dtype(type_name).itemsize if self.order else 1
 
     def values(self, positions: np.ndarray, type_name: str) -> np.ndarray:
