@@ -1,4 +1,4 @@
-"""Gmsh files (.msh): MSH 2.2 and 4.1, ASCII and binary, read and patched losslessly."""
+"""Gmsh files (.msh): MSH 1, 2, 3, 4.0 and 4.1, ASCII and binary, read and patched losslessly."""
 
 from dvr_cli.files.gmsh.source import GmshSource, read
 

@@ -20,13 +20,16 @@ from dvr_cli.files.gmsh.numbers import TextNumbers, is_blank, parse
 from dvr_cli.files.gmsh.sections import Header, Section, read_count
 
 # How many parameters a node in $ParametricNodes has, by the dimension of its entity.
-_PARAMETERS: dict[float, int] = {0: 0, 1: 1, 2: 2, 3: 0}
+PARAMETERS: dict[float, int] = {0: 0, 1: 1, 2: 2, 3: 0}
 
-_DAMAGED = (0, 0)  # the shape of a record that cannot be
+DAMAGED = (0, 0)  # the shape of a record that cannot be
 
 
 def read_nodes(data: bytes, section: Section, header: Header) -> Nodes:
-    """Read $Nodes or $ParametricNodes. Parametric coordinates are passed over; the layout says where."""
+    """Read $Nodes, $ParametricNodes or $NOD of MSH 1, which may have the numbers of either.
+
+    Parametric coordinates are passed over; the layout says where.
+    """
     read = _nodes_from_binary if header.byte_order else _nodes_from_text
     return read(data, section, header.byte_order)
 
@@ -34,12 +37,12 @@ def read_nodes(data: bytes, section: Section, header: Header) -> Nodes:
 def _nodes_from_text(data: bytes, section: Section, _: str) -> Nodes:
     numbers = TextNumbers(data, section, np.float64)
     (count,) = numbers.record("q")
-    if section.name == "Nodes":
+    if section.name == "Nodes" or (section.name == "NOD" and len(numbers.values) == 1 + 4 * count):
         tables = [numbers.doubles(4 * count).reshape(count, 4)]
         numbers.finish()
     else:
         values = numbers.values[1:]
-        tables, end = _chain(values, count, [4], _shape_of_node_line, section.name)
+        tables, end = chain(values, count, [4], _shape_of_node_line, section.name)
         if end != len(values):
             raise numbers.goes_on()
     layout, first = [], 2  # token 0 is the count, token 1 the first tag
@@ -59,8 +62,8 @@ def _nodes_from_binary(data: bytes, section: Section, byte_order: str) -> Nodes:
             raise InputError(f"section $Nodes declares {count} nodes and is too short for them")
         tables, end = [words[: 7 * count].reshape(count, 7)], 7 * count
     else:
-        tables, end = _chain(words, count, [7], _shape_of_node_record, section.name)
-    _check_end(data, start + 4 * end, section)
+        tables, end = chain(words, count, [7], _shape_of_node_record, section.name)
+    check_end(data, start + 4 * end, section)
     points, layout, first = [], [], start + 4
     for table in tables:
         stride = 4 * table.shape[1]
@@ -72,12 +75,12 @@ def _nodes_from_binary(data: bytes, section: Section, byte_order: str) -> Nodes:
 
 def _shape_of_node_line(key: list) -> tuple[int, int]:
     """Of an ASCII record of $ParametricNodes: tag, x, y, z, dimension, entity, parameters."""
-    return (6 + _PARAMETERS[key[0]], 1) if key[0] in _PARAMETERS else _DAMAGED
+    return (6 + PARAMETERS[key[0]], 1) if key[0] in PARAMETERS else DAMAGED
 
 
 def _shape_of_node_record(key: list) -> tuple[int, int]:
     """Of a binary record of $ParametricNodes, in words of 4 bytes."""
-    return (9 + 2 * _PARAMETERS[key[0]], 1) if key[0] in _PARAMETERS else _DAMAGED
+    return (9 + 2 * PARAMETERS[key[0]], 1) if key[0] in PARAMETERS else DAMAGED
 
 
 def read_elements(data: bytes, section: Section, header: Header) -> list[Elements]:
@@ -88,12 +91,12 @@ def read_elements(data: bytes, section: Section, header: Header) -> list[Element
     if header.byte_order:
         count, start = read_count(data, section.start, section)
         words = np.frombuffer(data, header.byte_order + "i4", (section.stop - start) // 4, start)
-        tables, end = _chain(words, count, [0, 1, 2], _shape_of_batch, section.name)
-        _check_end(data, start + 4 * end, section)
+        tables, end = chain(words, count, [0, 1, 2], _shape_of_batch, section.name)
+        check_end(data, start + 4 * end, section)
         return [_from_batches(table) for table in tables]
     numbers = TextNumbers(data, section, np.int64)
     (count,) = numbers.record("q")
-    tables, end = _chain(numbers.values[1:], count, [1, 2], _shape_of_line, section.name)
+    tables, end = chain(numbers.values[1:], count, [1, 2], _shape_of_line, section.name)
     if end + 1 != len(numbers.values):
         raise numbers.goes_on()
     return [_elements(int(table[0, 1]), int(table[0, 2]), table[:, 0], table[:, 3:]) for table in tables]
@@ -102,13 +105,13 @@ def read_elements(data: bytes, section: Section, header: Header) -> list[Element
 def _shape_of_line(key: list) -> tuple[int, int]:
     """Of an ASCII record: number, type, number of tags, tags, nodes."""
     code, tags = key
-    return (3 + tags + cell_type(code).nodes, 1) if tags >= 0 else _DAMAGED
+    return (3 + tags + cell_type(code).nodes, 1) if tags >= 0 else DAMAGED
 
 
 def _shape_of_batch(key: list) -> tuple[int, int]:
     """Of a binary record: type, number of elements, number of tags; for each its number, tags, nodes."""
     code, count, tags = key
-    return (3 + count * (1 + tags + cell_type(code).nodes), count) if min(count, tags) >= 0 else _DAMAGED
+    return (3 + count * (1 + tags + cell_type(code).nodes), count) if min(count, tags) >= 0 else DAMAGED
 
 
 def _from_batches(table: np.ndarray) -> Elements:
@@ -145,7 +148,7 @@ def read_periodic(data: bytes, section: Section) -> np.ndarray:
     return np.concatenate(pairs)
 
 
-def _chain(
+def chain(
     values: np.ndarray,
     total: int,
     key: list[int],
@@ -161,12 +164,12 @@ def _chain(
     at = items = 0
     while items < total:
         head = values[at : at + key[-1] + 1]
-        width, held = shape(head[key].tolist()) if len(head) > key[-1] else _DAMAGED
+        width, held = shape(head[key].tolist()) if len(head) > key[-1] else DAMAGED
         room = min((len(values) - at) // width, (total - items) // max(held, 1)) if width else 0
         if room < 1:
             raise InputError(f"section ${name} ends early or declares too much: truncated or damaged")
         table = values[at : at + room * width].reshape(room, width)
-        tables.append(table[: _agreeing(table, key)])
+        tables.append(table[: _agreeing(table, [column for column in key if column < width])])
         at += tables[-1].size
         items += held * len(tables[-1])
     return tables, at
@@ -187,6 +190,6 @@ def _agreeing(table: np.ndarray, key: list[int]) -> int:
     return count
 
 
-def _check_end(data: bytes, end: int, section: Section) -> None:
+def check_end(data: bytes, end: int, section: Section) -> None:
     if not is_blank(data, end, section.stop):
         raise InputError(f"section ${section.name} holds more than it declares: it is damaged")

@@ -1,4 +1,8 @@
-"""Reading the sections of MSH 4.1, ASCII and binary, whose nodes and elements come in blocks by entity."""
+"""Reading the sections of MSH 4.1 and 4.0, ASCII and binary: nodes and elements come in blocks by entity.
+
+In 4.0 a point has a bounding box, each node its tag in front of its coordinates, an entity its tag in front
+of its dimension, and tags take 4 bytes.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +32,7 @@ class Entities(NamedTuple):
     between: set[Entity]
 
 
-def read_entities(numbers: Numbers, partitioned: bool, into: Entities) -> None:
+def read_entities(numbers: Numbers, partitioned: bool, into: Entities, older: bool) -> None:
     """Read $Entities, or $PartitionedEntities, ``into`` what is known.
 
     Gmsh gives a group a negative tag where it runs against the entity's orientation; the sign is dropped.
@@ -38,7 +42,7 @@ def read_entities(numbers: Numbers, partitioned: bool, into: Entities) -> None:
         (ghosts,) = numbers.record("q")
         numbers.skip("i", 2 * ghosts)
     for dimension, entities in enumerate(numbers.record("4q")):
-        box = "3dq" if dimension == 0 else "6dq"
+        box = "3dq" if dimension == 0 and not older else "6dq"
         for _ in range(entities):
             if partitioned:
                 tag, parent_dimension, parent, partitions = numbers.record("3iq")
@@ -61,21 +65,31 @@ def read_entities(numbers: Numbers, partitioned: bool, into: Entities) -> None:
     numbers.finish()
 
 
-def read_nodes(numbers: Numbers) -> Nodes:
+def read_nodes(numbers: Numbers, older: bool) -> Nodes:
     """Read $Nodes. Parametric coordinates are passed over; the layout says where they are."""
     unit = numbers.length["d"]
-    blocks, declared, _, _ = numbers.record("4q")
+    blocks, declared = numbers.record("2q" if older else "4q")[:2]
     tags, points, layout = [], [], []
     for _ in range(blocks):
         flag = numbers.position + 2 * numbers.length["i"]
-        dimension, _, parametric, count = numbers.record("3iq")
+        dimension, entity, parametric, count = numbers.record("3iq")
+        if older:
+            dimension = entity
         if not 0 <= dimension <= 3 or parametric not in (0, 1):
             raise InputError(f"section ${numbers.name} is damaged: a block of nodes has a wrong header")
         parameters = dimension if parametric else 0
-        tags.append(numbers.integers("q", count))
-        first = numbers.position
-        points.append(numbers.doubles(count * (3 + parameters)).reshape(count, 3 + parameters)[:, :3])
-        layout.append((first, count, (3 + parameters) * unit, parameters * unit, parameters > 0, flag))
+        stride = (3 + parameters) * unit
+        if older:
+            first = numbers.position + numbers.length["i"]
+            stride += numbers.length["i"]
+            labels, values = numbers.tagged(count, 3 + parameters)
+        else:
+            labels = numbers.integers("q", count)
+            first = numbers.position
+            values = numbers.doubles(count * (3 + parameters)).reshape(count, 3 + parameters)
+        tags.append(labels)
+        points.append(values[:, :3])
+        layout.append((first, count, stride, parameters * unit, parameters > 0, flag))
     numbers.finish()
     nodes = Nodes.join(tags, points, NodeBlocks.of(layout))
     if len(nodes.tags) != declared:
@@ -83,19 +97,21 @@ def read_nodes(numbers: Numbers) -> Nodes:
     return nodes
 
 
-def read_elements(numbers: Numbers, entities: Entities) -> tuple[list[Elements], int]:
+def read_elements(numbers: Numbers, entities: Entities, older: bool) -> tuple[list[Elements], int]:
     """Read $Elements; the physical tags of an element are those of its entity, or 0.
 
     Elements of a partition count to the entity that was partitioned. Elements between partitions are left
     out, as they bound nothing but these; how many is returned, too.
     """
-    blocks, declared, _, _ = numbers.record("4q")
+    blocks, declared = numbers.record("2q" if older else "4q")[:2]
     elements: list[Elements] = []
     left_out = 0
     for _ in range(blocks):
         dimension, entity, code, count = numbers.record("3iq")
+        if older:
+            dimension, entity = entity, dimension
         width = 1 + cell_type(code).nodes
-        table = numbers.integers("q", count * width).reshape(count, width)
+        table = numbers.integers("i" if older else "q", count * width).reshape(count, width)
         if (dimension, entity) in entities.between:
             left_out += count
             continue

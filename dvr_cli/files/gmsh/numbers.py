@@ -45,6 +45,10 @@ class Numbers(ABC):
         """``count`` doubles."""
 
     @abstractmethod
+    def tagged(self, count: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+        """(count,) ints and (count, width) doubles, an int in front of each row of doubles."""
+
+    @abstractmethod
     def skip(self, kind: str, count: int) -> None:
         """Pass over ``count`` numbers."""
 
@@ -101,6 +105,10 @@ class TextNumbers(Numbers):
     def doubles(self, count: int) -> np.ndarray:
         return self._advance(count)
 
+    def tagged(self, count: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+        table = self._advance(count * (1 + width)).reshape(count, 1 + width)
+        return self.whole(table[:, 0]), table[:, 1:]
+
     def skip(self, kind: str, count: int) -> None:
         self._advance(count)
 
@@ -139,6 +147,11 @@ class BinaryNumbers(Numbers):
 
     def doubles(self, count: int) -> np.ndarray:
         return self._array("d", count)
+
+    def tagged(self, count: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+        row = np.dtype([("tag", self._byte_order + "i4"), ("values", self._byte_order + "f8", (width,))])
+        table = np.frombuffer(self._body, row, count, self._advance(count * row.itemsize))
+        return table["tag"], table["values"]
 
     def skip(self, kind: str, count: int) -> None:
         self._advance(count * self.length[kind])

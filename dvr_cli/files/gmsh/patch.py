@@ -2,7 +2,8 @@
 
 A node that moves loses its parametric coordinates: they say where on its curve or surface it was. MSH 4.1
 marks blocks of nodes as parametric, so the blocks in which a node moved are rewritten as non-parametric; in
-MSH 2 a whole section is parametric or not, and $ParametricNodes becomes $Nodes.
+MSH 1 and 2 a whole section is parametric or not, and $ParametricNodes becomes $Nodes. In MSH 3 each node
+names its entity, and then 0.
 """
 
 from __future__ import annotations
@@ -31,21 +32,26 @@ def patch_nodes(
     stale = (blocks.parametric == 1) & (moved[ends] > moved[ends - blocks.size])
     opening, closing = data[section.opening : section.start], data[section.stop : section.end]
     dropped = stale
-    if section.name == "ParametricNodes" and stale.any():
+    if section.name in ("ParametricNodes", "NOD") and stale.any():
         dropped = np.ones_like(stale)
         opening, closing = (marker.replace(b"ParametricNodes", b"Nodes") for marker in (opening, closing))
     body = data[section.start : section.stop]
     if header.byte_order:
-        body = _patch_binary(body, header.byte_order, blocks, points, changed, dropped)
+        none = "\0" * 4 if header.version.startswith("3") else ""
+        body = _patch_binary(body, header.byte_order, blocks, points, changed, dropped, none)
     else:
-        body = _patch_text(body, blocks, points, changed, dropped)
+        none = " 0" if header.version.startswith("3") else ""
+        body = _patch_text(body, blocks, points, changed, dropped, none)
     return b"".join([opening, body, closing]), int(blocks.size[dropped & (blocks.parametric == 1)].sum())
 
 
 def _patch_text(
-    body: bytes, blocks: NodeBlocks, points: np.ndarray, changed: np.ndarray, dropped: np.ndarray
+    body: bytes, blocks: NodeBlocks, points: np.ndarray, changed: np.ndarray, dropped: np.ndarray, none: str
 ) -> bytes:
-    """The body with the changed coordinates; blocks that are ``dropped`` lose flag and tails."""
+    """The body with the changed coordinates; blocks that are ``dropped`` lose flag and tails.
+
+    none: what stands for a tail that is dropped.
+    """
     start, stop = _tokens(body)
     first = blocks.positions()
     node, axis = np.nonzero(changed)
@@ -58,7 +64,7 @@ def _patch_text(
         body,
         np.concatenate([start[token], start[flag], stop[last]]),
         np.concatenate([stop[token], stop[flag], stop[last + tail[tail > 0]]]),
-        digits + ["0"] * len(flag) + [""] * len(last),
+        digits + ["0"] * len(flag) + [none] * len(last),
     )
 
 
@@ -69,8 +75,12 @@ def _patch_binary(
     points: np.ndarray,
     changed: np.ndarray,
     dropped: np.ndarray,
+    none: str,
 ) -> bytes:
-    """The body with the changed coordinates; blocks that are ``dropped`` lose flag and tails."""
+    """The body with the changed coordinates; blocks that are ``dropped`` lose flag and tails.
+
+    none: what stands for a tail that is dropped.
+    """
     buffer = bytearray(body)
     end = 0
     for first, size, stride in zip(*(column.tolist() for column in blocks[:3]), strict=True):
@@ -83,7 +93,7 @@ def _patch_binary(
         buffer[flag : flag + 4] = bytes(4)
     tail = np.repeat(np.where(dropped, blocks.tail, 0), blocks.size)
     last = blocks.positions()[tail > 0] + 24
-    return _splice(bytes(buffer), last, last + tail[tail > 0], [""] * len(last))
+    return _splice(bytes(buffer), last, last + tail[tail > 0], [none] * len(last))
 
 
 def _tokens(text: bytes) -> tuple[np.ndarray, np.ndarray]:

@@ -15,6 +15,7 @@ _OPENING = re.compile(rb"\s*\$(\w+)[^\n]*\n")
 _VERSION = re.compile(rb"\d{1,3}(\.\d{1,3})?")
 _BLANK = re.compile(rb"\s*\Z")
 _ONCE = {"MeshFormat", "PhysicalNames", "Entities", "PartitionedEntities", "Nodes", "Elements", "Periodic"}
+_NAMES = {"ParametricNodes": "Nodes", "NOD": "Nodes", "ELM": "Elements"}
 _VIEWS = {"NodeData", "ElementData"}
 
 
@@ -31,7 +32,8 @@ class Section(NamedTuple):
 class Sections(NamedTuple):
     """The sections dvr reads: those that occur at most once by name, and the views in file order.
 
-    $ParametricNodes of MSH 2 takes the place of $Nodes and is found under that name.
+    $ParametricNodes of MSH 2 and $NOD of MSH 1 take the place of $Nodes and are found under that name, $ELM
+    under that of $Elements.
     """
 
     once: dict[str, Section]
@@ -53,7 +55,7 @@ def find_sections(data: bytes) -> Sections:
     while not _BLANK.match(data, end):
         section = _next_section(data, end)
         end = section.end
-        key = "Nodes" if section.name == "ParametricNodes" else section.name
+        key = _NAMES.get(section.name, section.name)
         if key in _VIEWS:
             views.append(section)
         elif key in _ONCE and once.setdefault(key, section) is not section:
@@ -69,22 +71,21 @@ def _next_section(data: bytes, at: int) -> Section:
         found = quoted(data[at : at + 40].split()[0])
         raise InputError(f"a section is expected where {found} stands: the file is truncated or damaged")
     name = match[1].decode()
-    if name.startswith("End"):
+    if name.upper().startswith("END"):
         raise InputError(f"${name} stands where no such section has begun: the file is damaged")
-    if name in ("NOD", "ELM"):
-        raise InputError(
-            "MSH format 1 is not supported: convert it with 'gmsh IN -save -format msh41 -o OUT'"
-        )
+    end = b"$END" if name in ("NOD", "ELM") else b"$End"
     start = match.end()  # what is binary may hold the closing marker by chance, once in 2**72 bytes
-    stop = data.find(b"$End" + match[1], start)
+    stop = data.find(end + match[1], start)
     if stop < 0:
-        raise InputError(f"section ${name} has no $End{name}: the file is truncated or damaged")
-    return Section(name, match.start(1) - 1, start, stop, stop + len(b"$End" + match[1]))
+        raise InputError(f"section ${name} has no {end.decode()}{name}: the file is truncated or damaged")
+    return Section(name, match.start(1) - 1, start, stop, stop + len(end + match[1]))
 
 
 def read_header(data: bytes, sections: Sections) -> Header:
-    """Read $MeshFormat; InputError for versions other than 2.0 to 2.2 and 4.1, refused by name."""
+    """Read $MeshFormat, which MSH 1 has not; InputError for versions that are not known, by name."""
     section = sections.once.get("MeshFormat")
+    if section is None and "Nodes" in sections.once and sections.once["Nodes"].name == "NOD":
+        return Header("1", "")
     if section is None:
         raise InputError("the file has no $MeshFormat section")
     line, _, rest = data[section.start : section.stop].partition(b"\n")
@@ -92,9 +93,9 @@ def read_header(data: bytes, sections: Sections) -> Header:
     if len(fields) < 3 or fields[1] not in (b"0", b"1") or not _VERSION.fullmatch(fields[0]):
         raise InputError("section $MeshFormat is damaged")
     version = fields[0].decode()
-    if version not in ("2", "2.0", "2.1", "2.2", "4.1"):
+    if version not in ("2", "2.0", "2.1", "2.2", "3", "3.0", "4", "4.0", "4.1"):
         raise InputError(
-            f"MSH format {version} is not supported (2.2 and 4.1 are): "
+            f"MSH format {version} is not supported (1, 2, 3, 4.0 and 4.1 are): "
             "convert it with 'gmsh IN -save -format msh41 -o OUT'"
         )
     if fields[1] == b"0":

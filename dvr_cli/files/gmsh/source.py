@@ -1,4 +1,4 @@
-"""Gmsh MSH files, versions 2.0 to 2.2 and 4.1, ASCII and binary: read them, and write them back losslessly.
+"""Gmsh MSH files, versions 1 to 4.1, ASCII and binary: read them, and write them back losslessly.
 
 Our own reader, because meshio's cannot read much of what Gmsh writes and forgets where it read things; the
 file is kept and on writing only the coordinates in it are replaced.
@@ -11,7 +11,7 @@ from typing import BinaryIO
 import numpy as np
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.gmsh import msh2, msh4
+from dvr_cli.files.gmsh import msh1, msh2, msh3, msh4
 from dvr_cli.files.gmsh.data import read_physical_names, read_view
 from dvr_cli.files.gmsh.elements import Elements
 from dvr_cli.files.gmsh.mesh import make_mesh
@@ -71,15 +71,15 @@ def read(data: bytes) -> GmshSource:
     sections = find_sections(data)
     header = read_header(data, sections)
     once = sections.once
-    version_2 = header.version.startswith("2")
-    if "Nodes" not in once or (once["Nodes"].name != "Nodes" and not version_2):
+    version = header.version[0]
+    if "Nodes" not in once or once["Nodes"].name not in _NODES[version]:
         raise InputError("the file has no $Nodes section, hence no mesh")
     with np.errstate(invalid="ignore"):  # a NaN for an integer is found out after its conversion
         names = read_physical_names(data, once["PhysicalNames"]) if "PhysicalNames" in once else []
         views = [read_view(data, section, header) for section in sections.views]
-        nodes, elements, periodic, left_out = (_read_msh2 if version_2 else _read_msh4)(data, header, once)
+        nodes, elements, periodic, left_out = _READERS[version](data, header, once)
         mesh = make_mesh(
-            nodes, elements, names, periodic, [view for view in views if view], repeated=version_2
+            nodes, elements, names, periodic, [view for view in views if view], repeated=version in "12"
         )
     source = GmshSource(data, mesh, header, once["Nodes"], nodes.blocks)
     source.unread += [f"not kept: {left_out} elements between partitions"] if left_out else []
@@ -93,18 +93,41 @@ def _read_msh2(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
     return nodes, elements, periodic, 0
 
 
+def _read_msh1(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
+    nodes = msh2.read_nodes(data, once["Nodes"], header)
+    elements = msh1.read_elements(data, once["Elements"]) if "Elements" in once else []
+    return nodes, elements, _NO_PAIRS, 0
+
+
+def _read_msh3(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
+    physical = msh3.read_entities(data, once["Entities"]) if "Entities" in once else {}
+    nodes = msh3.read_nodes(data, once["Nodes"], header)
+    elements = msh3.read_elements(data, once["Elements"], header, physical) if "Elements" in once else []
+    periodic = msh2.read_periodic(data, once["Periodic"]) if "Periodic" in once else _NO_PAIRS
+    return nodes, elements, periodic, 0
+
+
 def _read_msh4(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
+    older = header.version != "4.1"
     entities = msh4.Entities({}, {}, set())
     for name in ("Entities", "PartitionedEntities"):
         if name in once:
             numbers = read_numbers(data, once[name], header)
-            msh4.read_entities(numbers, name == "PartitionedEntities", entities)
-    nodes = msh4.read_nodes(read_numbers(data, once["Nodes"], header))
+            msh4.read_entities(numbers, name == "PartitionedEntities", entities, older)
+    nodes = msh4.read_nodes(read_numbers(data, once["Nodes"], header), older)
     elements: list[Elements] = []
     left_out, periodic = 0, _NO_PAIRS
     if "Elements" in once:
         numbers = read_numbers(data, once["Elements"], header, np.int64)
-        elements, left_out = msh4.read_elements(numbers, entities)
-    if "Periodic" in once:
+        elements, left_out = msh4.read_elements(numbers, entities, older)
+    if "Periodic" in once and older and header.byte_order:
+        raise InputError("periodic links in binary MSH 4.0 files are not supported")
+    if "Periodic" in once and older:
+        periodic = msh2.read_periodic(data, once["Periodic"])
+    elif "Periodic" in once:
         periodic = msh4.read_periodic(read_numbers(data, once["Periodic"], header))
     return nodes, elements, periodic, left_out
+
+
+_READERS = {"1": _read_msh1, "2": _read_msh2, "3": _read_msh3, "4": _read_msh4}
+_NODES = {"1": ("NOD",), "2": ("Nodes", "ParametricNodes"), "3": ("Nodes",), "4": ("Nodes",)}
