@@ -34,6 +34,9 @@ class Format:
     converter: the module whose ``convert(mesh, unread)`` makes a Source of any mesh, to be written in this
         format; None where files of other formats cannot be written in it.
     meshio: meshio's name for the format and the options its writer gets, where meshio converts.
+    versions, regions, refused: what of it is read, what in it counts as regions, and what is refused by name,
+        as the page about formats has it.
+    checked_by: the packages that read its files in tests.
     """
 
     name: str
@@ -43,6 +46,15 @@ class Format:
     several: bool = False
     converter: str | None = _MESHIO
     meshio: tuple[str, Mapping[str, Any]] = field(default=("", {}))
+    versions: str = ""
+    regions: str = ""
+    refused: str = ""
+    checked_by: tuple[str, ...] = ()
+
+    @property
+    def patched(self) -> bool:
+        """True if only coordinates change in its files."""
+        return self.reader not in (_MESHIO, "netgen")
 
     def read(self, file: InputFile) -> Source:
         """Read a file of this format; raises InputError."""
@@ -85,6 +97,10 @@ REGISTRY = (
         re.compile(rb"\s*\$(MeshFormat|Comments|NOD)\b"),
         reader="gmsh",
         meshio=("gmsh22", {"binary": True}),  # its 4.1 needs tags that other formats do not have
+        versions="MSH 1, 2.0 to 2.2, 3, 4.0, 4.1; text and binary",
+        regions="physical groups, entities",
+        refused="periodic links in binary 4.0",
+        checked_by=("gmsh",),
     ),
     Format(
         "vtk",
@@ -92,6 +108,10 @@ REGISTRY = (
         re.compile(_BOM + rb"\s*# vtk DataFile"),
         reader="vtk",
         meshio=("vtk42", {}),  # its default, 5.1, is one Gmsh cannot open
+        versions="1.0 to 5.1; text and binary",
+        regions="cell fields",
+        refused="polyhedra, strips, Lagrange and Bezier cells",
+        checked_by=("gmsh",),
     ),
     Format(
         "vtp",
@@ -99,8 +119,17 @@ REGISTRY = (
         re.compile(_XML + rb"<VTKFile[^>]*\stype=[\"']PolyData", re.DOTALL),
         reader="vtkxml.vtp",
         converter=None,
+        versions="text, base64, raw, compressed",
+        regions="cell fields",
     ),
-    Format("vtu", (".vtu",), re.compile(_XML + rb"<VTKFile", re.DOTALL), reader="vtkxml.vtu"),
+    Format(
+        "vtu",
+        (".vtu",),
+        re.compile(_XML + rb"<VTKFile", re.DOTALL),
+        reader="vtkxml.vtu",
+        versions="text, base64, raw, compressed, several pieces",
+        regions="cell fields",
+    ),
     Format(
         "medit",
         (".mesh", ".meshb"),
@@ -110,6 +139,9 @@ REGISTRY = (
         ),
         reader="medit",
         converter="medit",
+        versions="1 to 4; text and binary",
+        regions="references",
+        checked_by=("gmsh", "mmgpy"),
     ),
     Format(
         "off",
@@ -117,15 +149,37 @@ REGISTRY = (
         re.compile(_BOM + _COMMENTS + rb"(ST)?C?N?4?n?OFF\b"),
         reader="off",
         converter="off",
+        versions="OFF, COFF, NOFF, STOFF; text and binary",
+        refused="4OFF, nOFF",
+        checked_by=("gmsh", "trimesh"),
     ),
-    Format("ply", (".ply",), re.compile(rb"ply[ \t]*[\r\n]"), reader="ply"),
+    Format(
+        "ply",
+        (".ply",),
+        re.compile(rb"ply[ \t]*[\r\n]"),
+        reader="ply",
+        versions="1.0; text and binary of either byte order",
+        regions="face properties of few values, but for colours",
+        checked_by=("trimesh", "vtk"),
+    ),
     Format(
         "obj",
         (".obj",),
         re.compile(rb"(\s*#[^\n]*\n|\s*(mtllib|usemtl|o|g|s)\s[^\n]*\n|\s*\n)*\s*v[tn]?\s+[-+.\d]"),
         reader="obj",
+        versions="polygons, lines and points",
+        regions="objects, groups, materials",
+        refused="free-form geometry",
     ),
-    Format("tetgen", (".node", ".ele"), reader="tetgen", several=True, converter=None),
+    Format(
+        "tetgen",
+        (".node", ".ele"),
+        reader="tetgen",
+        several=True,
+        converter=None,
+        versions="TetGen and Triangle, with .face and .edge",
+        regions="attributes",
+    ),
     Format(
         "abaqus",
         (".inp",),
@@ -133,6 +187,9 @@ REGISTRY = (
         reader="abaqus",
         several=True,
         converter="abaqus",
+        versions="decks with parts, instances, included files",
+        regions="sections, element sets, parts",
+        checked_by=("gmsh",),
     ),
     Format("tecplot", (".dat", ".tec"), re.compile(rb"(?i)\s*(#[^\n]*\n\s*)*(TITLE|VARIABLES|ZONE)\b")),
     Format(
@@ -142,6 +199,10 @@ REGISTRY = (
         reader="nastran",
         several=True,
         converter="nastran.convert",
+        versions="columns of 8 and 16, commas",
+        regions="properties",
+        refused="local coordinate systems",
+        checked_by=("gmsh", "meshio"),
     ),
     Format(
         "su2",
@@ -149,6 +210,9 @@ REGISTRY = (
         re.compile(rb"(?i)(\s*%[^\n]*\n)*\s*(NDIME|NZONE|NELEM|NPOIN)[ \t]*="),
         reader="su2",
         converter="su2.convert",
+        versions="one zone or several",
+        regions="zones, markers",
+        checked_by=("gmsh", "meshio"),
     ),
     Format(
         "stl",
@@ -156,6 +220,8 @@ REGISTRY = (
         re.compile(rb"\s*solid\b[^\n]*\n\s*(facet|endsolid)\b", re.IGNORECASE),
         reader="stl",
         converter="stl",
+        versions="text and binary",
+        regions="solids",
     ),
     Format(
         "xdmf",
@@ -164,6 +230,9 @@ REGISTRY = (
         reader="xdmf",
         several=True,
         converter="xdmf.convert",
+        versions="2 and 3, with HDF5 or raw data",
+        regions="cell attributes",
+        checked_by=("h5py",),
     ),
     Format(
         "med",
@@ -172,6 +241,10 @@ REGISTRY = (
         reader="med",
         several=True,
         converter=None,
+        versions="HDF5",
+        regions="families",
+        refused="profiles, polyhedra, structured or cylindrical coordinates",
+        checked_by=("h5py", "meshio"),
     ),
     Format(
         "cgns",
@@ -179,6 +252,10 @@ REGISTRY = (
         re.compile(rb"\x89HDF.*CGNS|.{,16}ADF Database", re.DOTALL),
         reader="cgns",
         converter=None,
+        versions="HDF5, unstructured",
+        regions="zones, families",
+        refused="ADF files, structured zones, NGON, NFACE, links",
+        checked_by=("h5py", "vtk"),
     ),
     Format(
         "exodus",
@@ -186,6 +263,9 @@ REGISTRY = (
         re.compile(rb"CDF[\x01\x02\x05].*(num_nod|coord)|\x89HDF.*api_version", re.DOTALL),
         reader="exodus",
         converter="exodus.convert",
+        versions="every netCDF variant",
+        regions="element blocks",
+        checked_by=("h5py", "meshio", "netCDF4"),
     ),
     Format("h5m", (".h5m",)),
     Format(
@@ -194,12 +274,24 @@ REGISTRY = (
         re.compile(_COMMENTS + rb"(\d+[ \t]+){4}\d+[ \t]*[\r\n]|\x07"),
         reader="avsucd",
         converter="avsucd",
+        versions="text",
+        regions="materials",
+        refused="binary files",
+        checked_by=("vtk",),
     ),
     Format("dolfin-xml", (".xml",)),
     Format("flac3d", (".f3grid",)),
     Format("hmf", (".hmf",)),
     Format("mdpa", (".mdpa",)),
-    Format("netgen", (".vol",), reader="netgen", several=True),
+    Format(
+        "netgen",
+        (".vol",),
+        reader="netgen",
+        several=True,
+        versions="older ones",
+        regions="materials",
+        refused="files of newer versions",
+    ),
     Format("permas", (".post",)),
     Format(
         "unv",
@@ -207,6 +299,10 @@ REGISTRY = (
         re.compile(rb"\s*-1[ \t]*\r?\n\s*\d{2,4}[ \t]*\r?\n"),
         reader="unv",
         converter=None,
+        versions="datasets 15, 781, 2411, 2412, groups",
+        regions="properties, materials, groups",
+        refused="local coordinate systems, elements in 71 and 780",
+        checked_by=("gmsh",),
     ),
     Format("ugrid", (".ugrid",)),
 )

@@ -69,6 +69,7 @@ _NUMBERING = re.compile(
 _PARTITION = re.compile(
     r".*(partition|ghost|processor|mpirank|metis).*|(vtk|mpi)?(rank|proc|process|owner)s?(id|ids|number|no|index)?"
 )
+_COLOUR = re.compile(r"(diffuse|ambient|specular)?(red|green|blue|alpha)")
 _SAMPLE = 4096  # cells looked at before all are
 
 
@@ -90,9 +91,9 @@ def region_names(mesh: Mesh) -> list[str]:
 
 
 def is_no_region(name: str) -> bool:
-    """True if cell data or a set of this name number cells, or say which process has them."""
+    """True if cell data or a set of this name number cells, colour them, or say which process has them."""
     plain = _plain(name)
-    return bool(_NUMBERING.fullmatch(plain) or _PARTITION.fullmatch(plain))
+    return any(pattern.fullmatch(plain) for pattern in (_NUMBERING, _PARTITION, _COLOUR))
 
 
 def _plain(name: str) -> str:

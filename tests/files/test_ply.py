@@ -231,6 +231,17 @@ def test_edges_hold_their_vertices():
     assert not domain_of(read(data + b"0 4\n").mesh).interior.any()
 
 
+def test_colours_are_no_regions_and_materials_are():
+    square = plain("float", "", "").replace(b"end_header", b"property uchar red\nend_header")
+    rows = square.splitlines(keepends=True)
+    tagged = b"".join(
+        row.rstrip() + b" %d\n" % (i % 2) if i >= len(rows) - 4 else row for i, row in enumerate(rows)
+    )
+    assert domain_of(read(tagged).mesh).interior.tolist() == [False] * 4 + [True]
+    material = tagged.replace(b"property uchar red\nend", b"property uchar material_index\nend")
+    assert not domain_of(read(material).mesh).interior.any()
+
+
 def test_content_tells_it():
     assert all(format_of(Path("-"), data).name == "ply" for data in FILES.values())
 
