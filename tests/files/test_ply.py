@@ -266,6 +266,7 @@ def test_content_tells_it():
         (text().replace(b"7 3 0 1 4", b"7 3 0 1 x"), "line 28: not a number"),
         (text().replace(b"7 3 0 1 4", b"7 3 0 1 1.5"), "fractions"),
         (text().replace(b"9 3 1 5 2", b"9 2 1 5"), "is a polygon, but has 2 nodes"),
+        (text().replace(b"double y", b"double x"), "line 8: a second property 'x'"),
         (text() + b"1\n", "more behind its last element"),
         (binary("<")[:-1], "edge, but ends early"),
         (binary("<") + b"x", "more behind its last element"),

@@ -84,14 +84,17 @@ def read_header(data: bytes) -> Header:
                 )
             kinds.append((_text(words[1]), count, []))
         elif words and words[0] == b"property" and kinds:
-            kinds[-1][2].append(_property(line, at, number))
+            found = _property(line, at, number)
+            if found.name in [p.name for p in kinds[-1][2]]:
+                raise InputError(f"line {number}: a second property {shown(found.name)}")
+            kinds[-1][2].append(found)
         elif words and words[0] not in (b"comment", b"obj_info"):
             raise InputError(f"line {number}: {shown(line)} is no statement of a PLY header")
         at = end + len(line_end)
     if order is None:
         raise InputError("its header names no format (ascii, binary_little_endian, binary_big_endian)")
-    found = [Kind(name, count, tuple(properties)) for name, count, properties in kinds]
-    return Header(order, found, end + len(line_end))
+    whole = [Kind(name, count, tuple(properties)) for name, count, properties in kinds]
+    return Header(order, whole, end + len(line_end))
 
 
 def _property(line: bytes, at: int, number: int) -> Property:
