@@ -350,7 +350,8 @@ TABLE = (
         "straighten",
         SWITCH,
         False,
-        "Take curved second-order cells as straight instead of keeping their vertices in place.",
+        "Take curved second-order cells as straight instead of keeping their vertices in place; those "
+        "inverted by their curved shape alone are made straight.",
         RUNS,
         recorded=True,
     ),

@@ -17,6 +17,7 @@ from dvr_cli.api.untangling import reference_quality, untangle_phase
 from dvr_cli.errors import InputError, OutputError
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.quality.curved import straightened
 from dvr_cli.quality.limits import Limit, limit_of
 from dvr_cli.quality.measure import Quality, mean_quality, measure
 from dvr_cli.quality.vector import at_least
@@ -93,6 +94,8 @@ def smooth_mesh(
     def result_of(flat: np.ndarray) -> tuple[np.ndarray, Quality]:
         """The coordinates ``flat`` (N, d) as points that will be kept, and their quality."""
         points = domain.lift(mesh.points, flat)
+        if domain.straighten:
+            points = straightened(domain, points)
         if domain.is_tilted and is_worse(measure(domain, points, relaxed), reference):
             points, run.stopped_because = mesh.points.copy(), StopReason.ROUNDING
         return _stored_result(

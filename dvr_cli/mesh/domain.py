@@ -23,7 +23,7 @@ from dvr_cli.mesh.orientation import mirrored_cells, unlike_cells, with_mirrored
 from dvr_cli.mesh.plane import Plane, plane_of
 from dvr_cli.mesh.region_choice import Divider, RegionChoice, regions_of
 from dvr_cli.mesh.repeated import repeated_cells, shared_regions, without
-from dvr_cli.mesh.second_order import MidNodes, linear_cells, mid_nodes
+from dvr_cli.mesh.second_order import CurvedCells, MidNodes, curved_cells, linear_cells, mid_nodes
 from dvr_cli.mesh.simplex import determinants
 
 _LARGEST = 1e50  # its sixth power, which comparing tetrahedra takes, is still a number
@@ -46,6 +46,8 @@ class Domain:
     mirrored: how many cells are stored inside out (they stay so in any output).
     plane: the plane of a planar mesh, None for a volume mesh and a surface.
     mids: the nodes of second-order cells that follow their corners, None if there are none.
+    curved: those cells that are curved, with all their nodes; none of a surface in space, on which the sign
+        of a Jacobian has no meaning.
     straighten: whether curved second-order cells are taken as straight, and mid nodes that move lose their
         offset from the straight edge or face.
     backend: what computes; the results are the same.
@@ -62,6 +64,7 @@ class Domain:
     mirrored: int
     plane: Plane | None
     mids: MidNodes | None
+    curved: tuple[CurvedCells, ...]
     straighten: bool
     backend: Backend
 
@@ -92,7 +95,10 @@ class Domain:
         return self.plane is not None and self.plane.selected is None
 
     def around(self, vertices: np.ndarray) -> Domain:
-        """The same domain with those cells alone that have one of ``vertices`` ((m,)); all points remain."""
+        """The same domain with those cells alone that have one of ``vertices`` ((m,)); all points remain.
+
+        Which of them are curved is not kept.
+        """
         here = np.zeros(len(self.points), dtype=bool)
         here[vertices] = True
         near = [here[block.vertices].any(axis=1) for block in self.cells]
@@ -104,6 +110,7 @@ class Domain:
             cell_ids=self.cell_ids[kept],
             corners=corners_of(cells, self.dimension),
             region=self.region[kept],
+            curved=(),
         )
 
     def flatten(self, points: np.ndarray) -> np.ndarray:
@@ -165,6 +172,9 @@ def domain_of(
     interior = _interior(mesh, linear, stored, blocks, region, backend) & mesh.unlinked
     if mids is not None and not straighten:
         interior[mids.held] = False
+    curved: tuple[CurvedCells, ...] = ()
+    if mids is not None and points.shape[1] == dimension:
+        curved = curved_cells(mesh, mids, cell_ids, mirrored)
     return Domain(
         points=points,
         cells=cells,
@@ -177,6 +187,7 @@ def domain_of(
         mirrored=int(mirrored.sum()),
         plane=plane,
         mids=mids,
+        curved=curved,
         straighten=straighten,
         backend=backend,
     )

@@ -20,20 +20,39 @@ STRAIGHT = 1e-6
 
 
 @dataclass(frozen=True)
+class CurvedCells:
+    """Curved second-order cells of one type, as they are stored.
+
+    vertices: (n, nodes). element: (n,) which elements of the domain they are. sign: (n,) -1.0 for those
+    stored inside out, 1.0 for others.
+    """
+
+    type: str
+    vertices: np.ndarray
+    element: np.ndarray
+    sign: np.ndarray
+
+
+@dataclass(frozen=True)
 class MidNodes:
     """The nodes of second-order cells beside those of the linear cells, each once.
 
     nodes: (n,) their indices. around: (n, w) the vertices around each, rows filled up with the first.
     weights: (n, w) with which these give a node's straight place.
-    curved: how many cells have a node farther than STRAIGHT from its straight place, and held: (h,) the
-        corner vertices of these.
+    bent_cells: (c,) ids of the cells that have a node farther than STRAIGHT from its straight place, and
+        held: (h,) the corner vertices of these.
     """
 
     nodes: np.ndarray
     around: np.ndarray
     weights: np.ndarray
-    curved: int
+    bent_cells: np.ndarray
     held: np.ndarray
+
+    @property
+    def curved(self) -> int:
+        """The number of cells that are not straight."""
+        return len(self.bent_cells)
 
     def bent(self, points: np.ndarray, rounding: float, relative: float) -> np.ndarray:
         """(m, w) the vertices around those nodes that are farther than ``rounding``, or ``relative`` times
@@ -75,13 +94,15 @@ def mid_nodes(mesh: Mesh) -> MidNodes | None:
 
     Raises InputError when a node is a corner of one cell and a mid node of another.
     """
-    blocks = [block for block in mesh.cells if _linear(block.type) is not None and len(block.vertices)]
+    start = np.cumsum([0, *(len(block.vertices) for block in mesh.cells)])
+    second = [_linear(block.type) is not None and len(block.vertices) > 0 for block in mesh.cells]
+    blocks = [block for block, is_second in zip(mesh.cells, second, strict=True) if is_second]
     if not blocks:
         return None
     width = max(len(around) for block in blocks for around in CELL_TYPES[block.type].mids)
-    nodes, vertices, counts, curved = [], [], [], 0
+    nodes, vertices, counts, curved = [], [], [], []
     held = [np.empty(0, dtype=np.int64)]
-    for block in blocks:
+    for block, first in zip(blocks, start[:-1][second], strict=True):
         cell_type = CELL_TYPES[block.type]
         bent = np.zeros(len(block.vertices), dtype=bool)
         for node, around in zip(block.vertices.T[-len(cell_type.mids) :], cell_type.mids, strict=True):
@@ -92,7 +113,7 @@ def mid_nodes(mesh: Mesh) -> MidNodes | None:
             nodes.append(node)
             vertices.append(filled)
             counts.append(np.full(len(node), len(around)))
-        curved += int(bent.sum())
+        curved.append(first + np.flatnonzero(bent))
         held.append(block.vertices[bent, : -len(cell_type.mids)].ravel())
     every_node, place = np.unique(np.concatenate(nodes), return_index=True)
     ends = np.concatenate(vertices)[place]
@@ -107,7 +128,23 @@ def mid_nodes(mesh: Mesh) -> MidNodes | None:
     edge = count == 2
     t = _place_on_edge(mesh.points, every_node[edge], ends[edge, :2])
     weights[edge, 0], weights[edge, 1] = 1.0 - t, t
-    return MidNodes(every_node, ends, weights, curved, np.unique(np.concatenate(held)))
+    return MidNodes(every_node, ends, weights, np.concatenate(curved), np.unique(np.concatenate(held)))
+
+
+def curved_cells(
+    mesh: Mesh, mids: MidNodes, cell_ids: np.ndarray, mirrored: np.ndarray
+) -> tuple[CurvedCells, ...]:
+    """The curved ones among the cells with these ids ((n,)); mirrored: (n,) bool, those stored inside out."""
+    chosen = np.isin(cell_ids, mids.bent_cells)
+    result, start = [], 0
+    for block in mesh.cells:
+        end = start + len(block.vertices)
+        element = np.flatnonzero(chosen & (cell_ids >= start) & (cell_ids < end))
+        if len(element):
+            sign = np.where(mirrored[element], -1.0, 1.0)
+            result.append(CurvedCells(block.type, block.vertices[cell_ids[element] - start], element, sign))
+        start = end
+    return tuple(result)
 
 
 def _linear(name: str) -> CellType | None:

@@ -4,6 +4,7 @@ The reasons, in the order in which they are looked for:
 
 valence     the number of elements around a vertex or an edge, at the worst elements, allows little more
             than the worst quality, wherever the vertices move (see ``quality.fans``)
+curved      a second-order element is inverted by its curved shape, not by its vertices
 selection   --fix, --only, --below or --vertices keeps a vertex that could move
 boundary    another treatment of the boundary would free a vertex
 fixed-cap   all vertices are held
@@ -31,7 +32,7 @@ _REMESH = "only other elements help: remesh there"
 class Limit:
     """The reason why the worst element of a mesh is no better.
 
-    kind: "valence", "selection", "boundary", "fixed-cap" or "balance". element: the worst one.
+    kind: "valence", "curved", "selection", "boundary", "fixed-cap" or "balance". element: the worst one.
     vertex: one that is the reason, None if none in particular is. text: the reason in words.
     advice: what would help, in words.
     """
@@ -70,6 +71,9 @@ def limit_of(
             where = f"{'vertex' if len(fan.vertices) == 1 else 'edge'} {'-'.join(map(str, fan.vertices))}"
             text = f"{fan.n} elements meet at {where}, which allows {fan.best:.4f} at best"
             return Limit("valence", fan.vertices[0], element, text, _REMESH)
+    if element.quality <= 0 and _corners_are_positive(domain, flat, element):
+        text = f"the curved shape of {element.cell_type} {element.cell} inverts it, not its vertices"
+        return Limit("curved", None, element, text, "--straighten makes it straight")
     for option, kept in deselected.items():
         held = vertices[kept[vertices]]
         if len(held):
@@ -102,6 +106,12 @@ def _vertices(domain: Domain, element: Element) -> list[int]:
     """The vertices of an element of the domain."""
     own = slice(*domain.corners.start[_cell(domain, element) :][:2])
     return np.unique(domain.corners.vertices[own]).tolist()
+
+
+def _corners_are_positive(domain: Domain, flat: np.ndarray, element: Element) -> bool:
+    """Whether the element taken as straight is positive."""
+    own = domain.corners.part(slice(*domain.corners.start[_cell(domain, element) :][:2]))
+    return bool((corner_qualities(flat, own) > 0).all())
 
 
 def _worst_corner(domain: Domain, flat: np.ndarray, element: Element) -> tuple[np.ndarray, str]:

@@ -9,6 +9,7 @@ import numpy as np
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.angles import extreme_angles
+from dvr_cli.quality.curved import curved_quality
 from dvr_cli.quality.mean_ratio import DEGENERATE, cell_normals, corner_qualities, turned_over
 from dvr_cli.quality.vector import ring_minima
 
@@ -33,6 +34,9 @@ class Quality:
     q1: worst quality that relaxation can touch (first component of the quality vector), None without
         relaxed vertices; q1_element: the first element that has it.
     fixed_cap: worst quality among corners without a relaxed vertex, None if there are none.
+    inverted: how many elements are inverted, curved second-order ones by their own Jacobian; uncertain: how
+        many of these may be inverted between their nodes (see ``quality.curved``). The quality of a curved
+        element that is inverted is the least at its nodes, else that of its corners.
     minimum, mean, quantiles: over all elements. histogram: (HISTOGRAM_BINS,) element counts from 0 to 1,
         those below 0 in the first bin.
     worst: the worst elements, worst first. vector: (m,) the quality vector, ascending (paper eq. 8), and
@@ -46,6 +50,7 @@ class Quality:
     mean: float
     quantiles: dict[float, float]
     inverted: int
+    uncertain: int
     degenerate: int
     min_angle: float | None
     max_angle: float | None
@@ -72,6 +77,11 @@ def measure(
     corners = domain.corners
     by_corner = _by_corner(domain, flat, inverted)
     elements = corners.by_cell(np.minimum, by_corner)
+    curved = curved_quality(domain, points)
+    bad = curved.element[curved.inverted]
+    elements[bad] = np.minimum(elements[bad], curved.quality[curved.inverted])
+    turned = elements < -DEGENERATE
+    turned[bad] = True
     moves = np.zeros(len(points), dtype=bool)
     moves[relaxed] = True
     touched = moves[corners.vertices].any(axis=1)
@@ -82,12 +92,13 @@ def measure(
     return Quality(
         q1=float(minima.min()) if len(relaxed) else None,
         q1_element=_q1_element(domain, points, by_corner, touched, elements),
-        fixed_cap=float(by_corner[~touched].min()) if not touched.all() else None,
+        fixed_cap=_fixed_cap(domain, by_corner, touched, elements, bad),
         minimum=float(elements.min()),
         mean=float(elements.mean()),
         quantiles=_quantiles(elements),
-        inverted=int((elements < -DEGENERATE).sum()),
-        degenerate=int((np.abs(elements) <= DEGENERATE).sum()),
+        inverted=int(turned.sum()),
+        uncertain=int((curved.uncertain & ~turned[curved.element]).sum()),
+        degenerate=int(((np.abs(elements) <= DEGENERATE) & ~turned).sum()),
         min_angle=None if np.isnan(low) else low,
         max_angle=None if np.isnan(high) else high,
         histogram=counts,
@@ -96,6 +107,15 @@ def measure(
         vertices=relaxed[order],
         elements=elements,
     )
+
+
+def _fixed_cap(
+    domain: Domain, by_corner: np.ndarray, touched: np.ndarray, elements: np.ndarray, bad: np.ndarray
+) -> float | None:
+    """The worst quality without a relaxed vertex; bad: the curved elements that are inverted."""
+    cap = float(by_corner[~touched].min()) if not touched.all() else None
+    held = bad[~domain.corners.by_cell(np.logical_or, touched)[bad]]
+    return cap if not len(held) else min(float(elements[held].min()), cap if cap is not None else np.inf)
 
 
 def mean_quality(domain: Domain, flat: np.ndarray) -> float:

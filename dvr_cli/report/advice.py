@@ -16,6 +16,8 @@ def advice(report: QualityReport) -> str:
     poor = quality.inverted + quality.degenerate
     if quality.minimum >= FAIR:
         return f"every element has quality {FAIR:g} or better: no need to do anything"
+    if report.mesh.curved and quality.inverted:
+        return f"{poor} inverted or degenerate: dvr untangle --straighten takes curved cells as straight"
     if quality.q1 is None:
         return "no vertex lies inside the mesh: free those on the boundary, or remesh"
     if quality.fixed_cap is not None and quality.fixed_cap <= quality.minimum:

@@ -205,6 +205,7 @@ def _quality_record(quality: Quality) -> dict[str, Any]:
         "mean": quality.mean,
         "quantiles": {f"{q:g}": value for q, value in quality.quantiles.items()},
         "inverted": quality.inverted,
+        "uncertain": quality.uncertain,
         "degenerate": quality.degenerate,
         "min_angle": quality.min_angle,
         "max_angle": quality.max_angle,

@@ -25,7 +25,7 @@ def quality_table(report: QualityReport, path: str) -> str:
     rows += [
         (f"worst {i}", repr(w.quality), place(w, 6)) for i, w in enumerate(report.quality.worst, start=1)
     ]
-    rows += [("advice", advice(report)), *(("note", note) for note in notes(report.mesh))]
+    rows += [("advice", advice(report)), *(("note", note) for note in notes(report.mesh, report.quality))]
     return _lines(rows)
 
 

@@ -41,7 +41,7 @@ def quality_text(report: QualityReport, path: str, bar: str = "#", width: int = 
         lines += ["", "worst elements (numbered from 0 through all cells of the file)"]
         for element in quality.worst:
             lines += _with_remark(f"  {_digits(element.quality):>{_VALUE}}", place(element, 6), width)
-    lines += ["", f"advice: {advice(report)}", *_note_lines(mesh)]
+    lines += ["", f"advice: {advice(report)}", *_note_lines(mesh, quality)]
     return "\n".join([f"{path} ({_kind(mesh)})", *wrap(lines, width)])
 
 
@@ -63,7 +63,7 @@ def smooth_text(report: SmoothReport, source: str, output: str, width: int | Non
         *_polishing(report),
         *_boundary(report.boundary),
         *_limit(report.limited_by),
-        *_note_lines(mesh),
+        *_note_lines(mesh, report.after),
     ]
     if tangled := report.after.inverted + report.after.degenerate:
         lines.append(f"note: {_count(tangled, 'inverted or degenerate element')} left")
@@ -142,7 +142,7 @@ def _untangling(report: SmoothReport) -> list[str]:
         return []
     rounds = report.untangling.rounds
     if not rounds:
-        return ["nothing to untangle" if not report.after.inverted else "nothing that moving could untangle"]
+        return [_not_untangled(report)]
     tangled, seconds = rounds[-1]["tangled"], sum(one["seconds"] for one in rounds)
     end = {
         StopReason.UNTANGLED: "every element that can be is positive",
@@ -150,6 +150,16 @@ def _untangling(report: SmoothReport) -> list[str]:
         StopReason.INTERRUPTED: "ended early",
     }[report.untangling.stopped_because]
     return [f"untangled in {_count(len(rounds), 'round')}, {seconds:.3f} s: {end}"]
+
+
+def _not_untangled(report: SmoothReport) -> str:
+    """The reason for which untangling moved no vertex."""
+    before, after = report.before.inverted, report.after.inverted
+    if after:
+        return "nothing that moving could untangle"
+    if before:
+        return f"{_count(before, 'element')} inverted by a curved shape alone: made straight, no vertex moved"
+    return "nothing to untangle"
 
 
 def _morphing(report: SmoothReport) -> list[str]:
@@ -228,12 +238,12 @@ def _boundary(change: BoundaryChange | None) -> list[str]:
     return [f"boundary: {'; '.join([apart, *parts])}"]
 
 
-def _note_lines(mesh: MeshSummary) -> list[str]:
-    return [f"note: {note}" for note in notes(mesh)]
+def _note_lines(mesh: MeshSummary, quality: Quality) -> list[str]:
+    return [f"note: {note}" for note in notes(mesh, quality)]
 
 
-def notes(mesh: MeshSummary) -> list[str]:
-    """Notes on a mesh beside its quality."""
+def notes(mesh: MeshSummary, quality: Quality) -> list[str]:
+    """Notes on a mesh with this quality."""
     notes = []
     if mesh.regions > 1:
         notes.append(f"{mesh.regions} regions, told apart by {_dividers(mesh)}; --regions chooses others")
@@ -256,6 +266,11 @@ def notes(mesh: MeshSummary) -> list[str]:
     if mesh.curved:
         how = "taken as straight" if mesh.straighten else "with vertices that stay (--straighten moves them)"
         notes.append(f"{_count(mesh.curved, 'second-order cell')} curved, {how}")
+    if quality.uncertain:
+        notes.append(
+            f"{_count(quality.uncertain, 'curved cell')} uncertain: positive at the nodes, but not for "
+            "certain between them"
+        )
     return notes
 
 
