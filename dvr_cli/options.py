@@ -347,6 +347,17 @@ TABLE = (
         recorded=True,
     ),
     Option(
+        "shape",
+        Values(str, names=("auto", "ideal", "input")),
+        "auto",
+        "The shape that cells are measured against: ideal (equilateral, square, ...), input (each its own in "
+        "IN), or auto: ideal but for cells that are stretched like their neighbours, as in boundary layers; "
+        "these are kept as they are.",
+        RUNS,
+        variants={"morph": Variant(default="input")},
+        recorded=True,
+    ),
+    Option(
         "straighten",
         SWITCH,
         False,

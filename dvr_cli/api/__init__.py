@@ -9,16 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dvr_cli.api.options import Names, SmoothOptions, check_known
+from dvr_cli.api.shapes import with_targets_of
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.convert import as_mesh, from_meshio
-from dvr_cli.mesh.domain import domain_of
+from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.region_choice import RegionChoice
 from dvr_cli.options import check_names
 from dvr_cli.quality.measure import measure
+from dvr_cli.quality.stretching import coherent
 from dvr_cli.report.compare import Comparison, compare_qualities
-from dvr_cli.report.records import QualityReport, SmoothReport, summarise
+from dvr_cli.report.records import QualityReport, ShapeUse, SmoothReport, summarise
 
 if TYPE_CHECKING:
     import meshio
@@ -117,12 +119,31 @@ def mesh_quality(mesh: Mesh, worst: int = 10, regions: RegionChoice = ()) -> Qua
     """The quality report of a Mesh."""
     domain = domain_of(mesh, regions=regions)
     relaxed = np.flatnonzero(domain.interior)
-    return QualityReport(summarise(mesh, domain), len(relaxed), measure(domain, mesh.points, relaxed, worst))
+    quality = measure(domain, mesh.points, relaxed, worst)
+    found = coherent(domain)
+    stretched = None if found is None else ShapeUse("auto", int(found.kept.sum()), found.max_aspect)
+    return QualityReport(summarise(mesh, domain), len(relaxed), quality, stretched)
 
 
 def compare_meshes(meshes: Sequence[Mesh]) -> Comparison:
-    """The comparison of two or more meshes of one connectivity; InputError when their cells differ."""
-    return compare_qualities([mesh_quality(mesh) for mesh in meshes], same_connectivity(meshes))
+    """The comparison of two or more meshes of one connectivity; InputError when their cells differ.
+
+    Cells that are stretched coherently in the first are measured against their shape there in all.
+    """
+    domains = [domain_of(mesh) for mesh in meshes]
+    return compare_domains(meshes, domains)
+
+
+def compare_domains(meshes: Sequence[Mesh], domains: Sequence[Domain]) -> Comparison:
+    """As ``compare_meshes``, of meshes and their domains."""
+    same = same_connectivity(meshes)
+    relaxed = [np.flatnonzero(domain.interior) for domain in domains]
+    shaped = [with_targets_of(domain, domains[0]) for domain in domains] if same else domains
+    reports = [
+        QualityReport(summarise(mesh, domain), len(moving), measure(domain, mesh.points, moving))
+        for mesh, domain, moving in zip(meshes, shaped, relaxed, strict=True)
+    ]
+    return compare_qualities(reports, same)
 
 
 def same_connectivity(meshes: Sequence[Mesh]) -> bool:

@@ -66,7 +66,8 @@ def morph_mesh(
 
     while reached < 1.0 and not interrupted():
         length = min(length, 1.0 - reached)
-        target = relaxer.displace(points, mesh.points + (reached + length) * shift)
+        displaced = relaxer.displace(points, mesh.points + (reached + length) * shift)
+        target = relaxer.spread(points, displaced, selected)
         moved, step = relaxer.step(
             target, selected, on_sweep and (lambda sweep: on_sweep(renumber(sweep))), interrupted
         )

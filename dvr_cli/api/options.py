@@ -23,7 +23,14 @@ BOUNDARIES = OPTIONS["boundary"].values.names  # each frees the vertices of thos
 
 # What a preset fixes; "paper" is the paper's Algorithm 1, which makes a given number of sweeps.
 PRESETS: dict[str, dict[str, Any]] = {
-    "paper": {"directions": "random", "order": "natural", "patches": False, "polish": False, "tol": 0.0},
+    "paper": {
+        "directions": "random",
+        "order": "natural",
+        "patches": False,
+        "polish": False,
+        "tol": 0.0,
+        "shape": "ideal",
+    },
 }
 
 Directions = str | np.ndarray | Sequence[str | np.ndarray]
@@ -48,6 +55,7 @@ class SmoothOptions:
         or the path of a .npy, .csv or .txt file with them.
     regions: what tells regions apart, whose interfaces stay: names of cell data and groups, by default all
         that look like it; "none"; or an array of a number for each cell.
+    shape: "auto", "ideal" or "input": what cells are measured against, see ``shapes.shaped``.
     straighten: take curved second-order cells as straight. stopping: when to stop.
     untangle: make inverted elements positive first.
     patches: after the sweeps move the surroundings of the worst elements jointly, worst first; by default
@@ -72,6 +80,7 @@ class SmoothOptions:
     layers: int = default("layers")
     vertices: Vertices | None = None
     regions: Names | np.ndarray = ()
+    shape: str = default("shape")
     straighten: bool = default("straighten")
     untangle: bool = default("untangle")
     patches: bool | None = None

@@ -13,18 +13,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.shapes import shaped
 from dvr_cli.api.smoothing import is_worse
 from dvr_cli.boundary.freedom import interior_freedom
 from dvr_cli.errors import InputError, UsageError
 from dvr_cli.mesh.convert import as_mesh
-from dvr_cli.mesh.domain import check_coordinates, domain_of
+from dvr_cli.mesh.corners import Corners
+from dvr_cli.mesh.domain import Domain, check_coordinates, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.options import check_names, default
+from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.measure import measure
 from dvr_cli.relax.directions import direction_field, restrict_field
 from dvr_cli.relax.engines.choice import choose_engine
 from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.harmonic import spread
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import StopReason
 from dvr_cli.relax.sweeps import Sweep, relax
@@ -33,10 +37,12 @@ if TYPE_CHECKING:
     import meshio
 
 
+_INTACT = 0.5  # quality relative to its shape above which a cell of a layer is left as displacing put it
+
 # The options of smoothing that a step of a Relaxer has, too.
 _OPTIONS = (
     *("directions", "center", "axis", "max_iterations", "tol", "patience", "target", "time_limit"),
-    *("order", "seed", "regions", "straighten", "engine", "threads"),
+    *("order", "seed", "regions", "shape", "straighten", "engine", "threads"),
 )
 
 
@@ -81,7 +87,10 @@ class Relaxer:
     ) -> None:
         """Set up a mesh given as to ``dvr_cli.smooth``, with the same errors.
 
-        options: those of ``smooth`` about directions, stopping, order, engine, regions, and ``straighten``.
+        options: those of ``smooth`` about directions, stopping, order, engine, regions, ``shape`` and
+        ``straighten``. The shape is for displacements: by default each cell is measured against its own in
+        this mesh, so that layers keep their heights. Points given without a displacement are relaxed to the
+        ideal shapes.
 
         A step is a phase of sweeps alone, along random directions by default: patches and polishing, which
         take longer than a step should, belong to ``smooth``.
@@ -93,7 +102,7 @@ class Relaxer:
         mesh settles.
         """
         check_names(options, _OPTIONS)
-        given = {"directions": default("directions", "morph"), **options}
+        given = {name: default(name, "morph") for name in ("directions", "shape")} | options
         self._prepare(as_mesh(mesh, cells), SmoothOptions.of(given, patches=False, polish=False))
 
     @classmethod
@@ -117,6 +126,8 @@ class Relaxer:
         if self.domain.is_surface:
             raise InputError("a surface in space cannot be followed; planar and volume meshes can")
         self.points = mesh.points.copy()
+        self._shaped = shaped(self.domain, options.shape).domain.corners
+        self._layers = shaped(self.domain, "ideal" if options.shape == "ideal" else "auto").held
         self.held = ~self.domain.interior
         self._carried = np.zeros(len(mesh.points), dtype=bool)
         if self.domain.mids is not None:
@@ -125,6 +136,7 @@ class Relaxer:
         self._used[self.domain.corners.vertices] = True
         self._engine: Engine | None = None
         self._engine_moves = np.empty(0, dtype=bool)  # which vertices it relaxes
+        self._engine_corners = self.domain.corners  # and with which targets
 
     def relax(
         self,
@@ -151,10 +163,15 @@ class Relaxer:
         points that leave the plane of a planar mesh.
         """
         points = self.points if points is None else self._as_points(points, "points")
+        keeps = displacement is not None
+        start, selected = points, None
         if displacement is not None:
-            points = self.displace(points, points + self.shift(displacement))
-        selected = None if near is None else self.near((points != self.points).any(axis=1), near)
-        moved, report = self.step(points, selected)
+            points = self.displace(start, start + self.shift(displacement))
+        if near is not None:
+            selected = self.near((points != self.points).any(axis=1), near)
+        if keeps:
+            points = self.spread(start, points, selected)
+        moved, report = self.step(points, selected, keeps=keeps)
         self.points = moved.copy()
         return moved, report
 
@@ -178,6 +195,23 @@ class Relaxer:
             self.domain.mids.carry(points, moved, self._options.straighten)
         return moved
 
+    def spread(self, before: np.ndarray, after: np.ndarray, selected: np.ndarray | None = None) -> np.ndarray:
+        """``after`` (N, D), where the held vertices have moved since ``before``, with the others moved along
+        harmonically, unless that makes the worst element worse.
+
+        selected: (N,) bool, the vertices that may move, by default all. See ``harmonic.spread``.
+        """
+        if self._options.shape == "ideal":
+            return after
+        domain = self.domain
+        given = self.held if selected is None else self.held | ~selected
+        flat, moved = domain.flatten(before), domain.flatten(after)
+        spread_out = np.where(
+            given[:, None], moved, flat + spread(flat, domain.cells, np.asarray(moved - flat), given)
+        )
+        worst = [corner_qualities(np.ascontiguousarray(x), self._shaped).min() for x in (moved, spread_out)]
+        return domain.lift(after, spread_out) if worst[1] > worst[0] else after
+
     def near(self, moved: np.ndarray, rings: int) -> np.ndarray:
         """(N,) bool: the vertices within that many rings of those marked in ``moved``."""
         if rings < 0:
@@ -190,10 +224,12 @@ class Relaxer:
         selected: np.ndarray | None = None,
         on_sweep: Callable[[Sweep], None] | None = None,
         interrupted: Callable[[], bool] = lambda: False,
+        keeps: bool = True,
     ) -> tuple[np.ndarray, RelaxReport]:
         """Relax from ``points`` (N, D) the vertices marked in ``selected`` ((N,) bool), by default all.
 
-        on_sweep, interrupted: see ``sweeps.relax``.
+        on_sweep, interrupted: see ``sweeps.relax``. keeps: whether the targets are those of the option shape
+        rather than the ideal ones.
         """
         check_coordinates(points)
         if self.domain.plane is not None and not self.domain.plane.holds(points[self._used]):
@@ -202,13 +238,17 @@ class Relaxer:
             )
         options = self._options
         domain = replace(
-            self.domain, points=np.ascontiguousarray(self.domain.flatten(points), dtype=np.float64)
+            self.domain,
+            points=np.ascontiguousarray(self.domain.flatten(points), dtype=np.float64),
+            corners=self._shaped if keeps else self.domain.corners,
         )
         interior = domain.interior if selected is None else domain.interior & selected
+        if keeps and self._hold(domain):
+            interior = interior & ~self._layers
         freedom = interior_freedom(interior, domain.dimension)
         entries, data = options.entries, self._point_data
         field = direction_field(entries, domain, data, options.seed, options.center, options.axis)
-        engine = self._engine_for(interior)
+        engine = self._engine_for(interior, domain.corners)
         if not interior.any():
             return points.copy(), RelaxReport(None, None, 0, [], StopReason.NOTHING_TO_RELAX)
         engine.load(domain.points)
@@ -224,12 +264,20 @@ class Relaxer:
                 moved, q1_after, stopped_because = points.copy(), q1_before, StopReason.ROUNDING
         return moved, RelaxReport(q1_before, q1_after, int(interior.sum()), outcome.sweeps, stopped_because)
 
-    def _engine_for(self, moves: np.ndarray) -> Engine:
+    def _hold(self, domain: Domain) -> bool:
+        """Whether the cells of layers are still so near their shapes that their vertices can be left."""
+        inside = self._layers[domain.corners.vertices].any(axis=1)
+        return bool(
+            inside.any() and corner_qualities(domain.points, domain.corners.part(inside)).min() > _INTACT
+        )
+
+    def _engine_for(self, moves: np.ndarray, corners: Corners) -> Engine:
         """The engine that relaxes the vertices marked in ``moves`` ((N,) bool): the last one if it does."""
-        if self._engine is None or not np.array_equal(self._engine_moves, moves):
+        same = self._engine_corners is corners and np.array_equal(self._engine_moves, moves)
+        if self._engine is None or not same:
             domain, options = self.domain, self._options
             problem = build_problem(
-                domain.corners,
+                corners,
                 np.flatnonzero(moves),
                 domain.points,
                 options.order,
@@ -237,7 +285,7 @@ class Relaxer:
                 domain.backend,
             )
             self._engine = self.engine_kind.make(problem, self.threads)
-            self._engine_moves = moves
+            self._engine_moves, self._engine_corners = moves, corners
         return self._engine
 
     def _as_points(self, values: np.ndarray, name: str) -> np.ndarray:

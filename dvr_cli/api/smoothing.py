@@ -13,6 +13,7 @@ import numpy as np
 from dvr_cli.api.boundary import moves_of
 from dvr_cli.api.options import BOUNDARIES, SmoothOptions
 from dvr_cli.api.phases import Run
+from dvr_cli.api.shapes import shaped
 from dvr_cli.api.untangling import reference_quality, untangle_phase
 from dvr_cli.errors import InputError, OutputError
 from dvr_cli.mesh.domain import Domain, domain_of
@@ -27,10 +28,11 @@ from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import StopReason
 from dvr_cli.relax.sweeps import Sweep
-from dvr_cli.report.records import SmoothReport, summarise
+from dvr_cli.report.records import ShapeUse, SmoothReport, summarise
 
 # the reasons for which relaxing on would gain nothing
 _DONE = (StopReason.CONVERGED, StopReason.NOTHING_TO_RELAX)
+_PERFECT = 1.0 - 1e-9  # quality from which there is nothing that could be better
 
 
 class Storage(Protocol):
@@ -61,11 +63,12 @@ def smooth_mesh(
     """
     vertices, sweeps = len(mesh.points), options.stopping.max_iterations
     kind = choose_engine(options.engine, vertices, sweeps, options.takes_patches)
-    domain = domain_of(mesh, options.straighten, kind.backend, options.region_choice)
+    shapes = shaped(domain_of(mesh, options.straighten, kind.backend, options.region_choice), options.shape)
+    domain = shapes.domain
     if options.untangle and domain.is_surface:
         raise InputError("a surface in space cannot be untangled; planar and volume meshes can")
     masks = options.selection.masks(mesh, domain)
-    selected = np.logical_and.reduce([mesh.unlinked, *masks.values()])
+    selected = np.logical_and.reduce([mesh.unlinked, ~shapes.held, *masks.values()])
     moves = moves_of(mesh, domain, options.boundary, selected, options.feature_angle)
     relaxed = moves.relaxed
     field = direction_field(
@@ -109,9 +112,15 @@ def smooth_mesh(
     if run.untangling is not None:
         run.phases.insert(0, untangle_phase(run.untangling, domain, moves.freedom, points))
     limited_by = None
-    if run.stopped_because in _DONE or _is_capped(after):
+    nothing_to_gain = shapes.kept and after.minimum >= _PERFECT
+    if not nothing_to_gain and (run.stopped_because in _DONE or _is_capped(after)):
         limited_by = _limit(mesh, domain, options, masks, relaxed, points, after)
+    plain = None
+    if shapes.kept:
+        plain = measure(shapes.plain, mesh.points, relaxed), measure(shapes.plain, points, relaxed)
     report = SmoothReport(
+        shape=ShapeUse(options.shape, shapes.kept, shapes.max_aspect),
+        plain=plain,
         mesh=summarise(mesh, domain, moves.constraints),
         relaxed=len(relaxed),
         before=before,

@@ -68,9 +68,9 @@ def compare(
     component in which they differ. Elsewhere than on a terminal each mesh is a line of its rank and figures,
     separated by tabs, in the order given.
     """
-    from dvr_cli.api import mesh_quality, same_connectivity
+    from dvr_cli.api import compare_domains
     from dvr_cli.files.reading import open_mesh
-    from dvr_cli.report.compare import compare_qualities
+    from dvr_cli.mesh.domain import domain_of
     from dvr_cli.report.export import as_json
     from dvr_cli.report.table import comparison_table
     from dvr_cli.report.text import comparison_text
@@ -79,17 +79,17 @@ def compare(
     if plot is not None:
         check("--plot", plot, PICTURES, paths)
     meshes = [open_mesh(path, given["input_format"]).mesh for path in paths]
-    reports = []
+    domains = []
     for path, mesh in zip(paths, meshes, strict=True):
         with naming(path):
-            reports.append(mesh_quality(mesh, regions=given["regions"] or ()))
+            domains.append(domain_of(mesh, regions=given["regions"] or ()))
     names = [str(path) for path in paths]
     with naming(", ".join(names)):
-        comparison = compare_qualities(reports, same_connectivity(meshes))
+        comparison = compare_domains(meshes, domains)
     if plot is not None:
         states = {
             name: (mesh.points, report.quality)
-            for name, mesh, report in zip(_short(paths), meshes, reports, strict=True)
+            for name, mesh, report in zip(_short(paths), meshes, comparison.reports, strict=True)
         }
         write_picture(plot, meshes[0], states, "Comparison", comparison_text(comparison, names))
     if given["json"]:

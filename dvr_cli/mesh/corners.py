@@ -14,7 +14,7 @@ once for every choice of origin; a ring then treats all element types alike.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from itertools import permutations
 
@@ -66,7 +66,7 @@ class ShapeTable:
     curvature: np.ndarray
 
 
-def _table(matrices: np.ndarray) -> ShapeTable:
+def shape_table(matrices: np.ndarray) -> ShapeTable:
     """The table with these (S, d, d) target matrices."""
     j, k = np.triu_indices(matrices.shape[1], 1)
     diagonal = np.einsum("sjj->sj", matrices)
@@ -79,7 +79,7 @@ def _table(matrices: np.ndarray) -> ShapeTable:
 
 
 # The tables of all cell types that corners have been made of; new types add rows at the end.
-SHAPES: dict[int, ShapeTable] = {d: _table(np.empty((0, d, d))) for d in (2, 3)}
+SHAPES: dict[int, ShapeTable] = {d: shape_table(np.empty((0, d, d))) for d in (2, 3)}
 
 
 @cache
@@ -87,7 +87,7 @@ def corner_shapes(cell_type: CellType) -> np.ndarray:
     """(c, d+1) the row of the shape table of each corner of a cell type, for each choice of origin."""
     d = cell_type.dimension
     known = list(SHAPES[d].matrices)
-    rows = np.empty((len(cell_type.targets), d + 1), dtype=np.uint8)
+    rows = np.empty((len(cell_type.targets), d + 1), dtype=np.int32)
     for c, target in enumerate(cell_type.targets):
         for p, order in enumerate(ORIGIN_FIRST[d]):
             m = target_matrix(target[order])
@@ -96,7 +96,7 @@ def corner_shapes(cell_type: CellType) -> np.ndarray:
                 known.append(m)
             rows[c, p] = same[0] if same else len(known) - 1
     if len(known) > len(SHAPES[d].matrices):
-        SHAPES[d] = _table(np.array(known))
+        SHAPES[d] = shape_table(np.array(known))
     return rows
 
 
@@ -110,11 +110,16 @@ class Simplices:
     """Corners of whatever cells, each on its own.
 
     vertices: (C, d+1) int32 point indices, the corner's own vertex first.
-    shapes: (C, d+1) uint8: row of the shape table for each choice of origin among the vertices.
+    shapes: (C, d+1) int32: row of the table for each choice of origin among the vertices.
+    table: the targets that the corners are measured against.
+    held: (C,) bool, corners that keep their shape, which is their target, so that their quality is 1; None
+        where there are none.
     """
 
     vertices: np.ndarray
     shapes: np.ndarray
+    table: ShapeTable
+    held: np.ndarray | None = field(default=None, kw_only=True)
 
     @property
     def dimension(self) -> int:
@@ -123,7 +128,8 @@ class Simplices:
 
     def part(self, which: np.ndarray | slice) -> Simplices:
         """Some of the corners, given by number, by mask or as a slice."""
-        return Simplices(self.vertices[which], self.shapes[which])
+        held = None if self.held is None else self.held[which]
+        return Simplices(self.vertices[which], self.shapes[which], self.table, held=held)
 
 
 @dataclass(frozen=True)
@@ -162,6 +168,7 @@ def corners_of(blocks: list[Cells], dimension: int) -> Corners:
     empty = np.empty((0, dimension + 1))
     return Corners(
         vertices=np.concatenate(vertices) if vertices else empty.astype(np.int32),
-        shapes=np.concatenate(shapes) if shapes else empty.astype(np.uint8),
+        shapes=np.concatenate(shapes) if shapes else empty.astype(np.int32),
+        table=SHAPES[dimension],
         start=start.astype(np.int64),
     )

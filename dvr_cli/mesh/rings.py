@@ -22,7 +22,7 @@ class Rings:
     vertices: (m,) int32, the relaxed vertices.
     start: (m + 1,) int64, the entries of ring i are start[i] .. start[i+1], in ascending corner order.
     others: (R, d) int32, the other vertices of each entry's simplex.
-    shapes: (R,) uint8, its row of the shape table.
+    shapes: (R,) int32, its row of the shape table.
     """
 
     vertices: np.ndarray

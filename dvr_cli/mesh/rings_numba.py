@@ -47,7 +47,7 @@ def rings(
         ring_start[sequence[i]] = new_start[i]
         new_start[i + 1] = new_start[i] + start[sequence[i] + 1] - start[sequence[i]]
     others = np.empty((new_start[-1], width - 1), dtype=np.int32)
-    shape = np.empty(new_start[-1], dtype=np.uint8)
+    shape = np.empty(new_start[-1], dtype=np.int32)
     for vertex in range(len(sequence)):  # not in sequence: neighbours' rings share corners
         new = ring_start[vertex]
         for entry in range(start[vertex], start[vertex + 1]):

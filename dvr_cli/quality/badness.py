@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.mesh.corners import SHAPES, Simplices
+from dvr_cli.mesh.corners import Simplices
 from dvr_cli.mesh.simplex import chunks, edges_and_determinant
 from dvr_cli.quality.mean_ratio import weighted_norm
 
@@ -31,7 +31,7 @@ def worst_corner(points: np.ndarray, corners: Simplices) -> tuple[int, float]:
     points: (N, d).
     """
     d = corners.dimension
-    norm = SHAPES[d].norm
+    norm = corners.table.norm
     worst, largest = 0, -1.0
     for chunk in chunks(len(corners.vertices)):
         edges, v = edges_and_determinant(points, corners.vertices[chunk])

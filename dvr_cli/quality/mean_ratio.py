@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
-from dvr_cli.mesh.corners import SHAPES, Corners, Simplices
+from dvr_cli.mesh.corners import Corners, Simplices
 from dvr_cli.mesh.simplex import Components, chunks, dot, edges_and_determinant
 
 DEGENERATE = 1e-10  # |Q| up to which an element counts as degenerate rather than positive or inverted
@@ -48,10 +48,12 @@ def corner_qualities(
     # allocated here: NumPy is slow with the type of arrays that come from numba
     v, s = np.empty(len(corners.vertices)), np.empty(len(corners.vertices))
     terms = corner_terms if points.shape[1] > corners.dimension else backend.twin(corner_terms)
-    terms(points, corners.vertices, corners.shapes, SHAPES[corners.dimension].norm, v, s)
+    terms(points, corners.vertices, corners.shapes, corners.table.norm, v, s)
     quality = mean_ratio(v, s, corners.dimension)
     if inverted is not None:
         quality[inverted] *= -1.0
+    if corners.held is not None:
+        quality[corners.held] = 1.0
     return quality
 
 

@@ -70,7 +70,7 @@ def build_problem(
     vertices, shapes, touched_ids = backend.twin(touched_corners)(
         corners.vertices, corners.shapes, moves, number
     )
-    touched = Simplices(vertices, shapes)
+    touched = Simplices(vertices, shapes, corners.table)
     moving = moves[morton]
     incidence = incidence_of(touched, np.flatnonzero(moving), n_points, backend)
     natural = (np.cumsum(moving) - 1)[number[relaxed]]

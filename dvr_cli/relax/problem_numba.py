@@ -26,7 +26,7 @@ def touched_corners(
     for i in range(len(number)):
         place[i + 1] += place[i]
     new_vertices = np.empty((place[-1], width), dtype=np.int32)
-    new_shapes = np.empty((place[-1], width), dtype=np.uint8)
+    new_shapes = np.empty((place[-1], width), dtype=np.int32)
     numbers = np.empty(place[-1], dtype=np.int64)
     for c in range(n):
         if smallest[c] >= 0:

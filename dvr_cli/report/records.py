@@ -71,12 +71,26 @@ class BoundaryChange:
 
 
 @dataclass(frozen=True)
+class ShapeUse:
+    """What cells were measured against.
+
+    mode: "auto", "ideal" or "input". kept: how many cells against their own shape in the input, so that the
+    qualities in the report are relative to that. max_aspect: the largest aspect among those kept.
+    """
+
+    mode: str
+    kept: int
+    max_aspect: float
+
+
+@dataclass(frozen=True)
 class QualityReport:
-    """The report of ``dvr report quality``."""
+    """The report of ``dvr report quality``; stretched: the cells that ``--shape auto`` would keep, if any."""
 
     mesh: MeshSummary
     relaxed: int
     quality: Quality
+    stretched: ShapeUse | None = None
 
     def record(self, path: str | None = None) -> dict[str, Any]:
         """The report as JSON-ready data, schema dvr.quality/1."""
@@ -87,6 +101,7 @@ class QualityReport:
             "relaxed": self.relaxed,
             "units": UNITS,
             "quality": _quality_record(self.quality),
+            "stretched": None if self.stretched is None else asdict(self.stretched),
             "quality_vector": self.quality.vector.tolist(),
         }
 
@@ -109,6 +124,8 @@ class SmoothReport:
     limited_by: what holds the worst element where relaxing on would not, None if that is not known.
     boundary: what became of a boundary or surface that was projected, else None.
     seconds: time of the relaxation, reading and writing aside.
+    shape: what cells were measured against. plain: where some were kept, the qualities before and after
+        with ideal targets for all.
     """
 
     mesh: MeshSummary
@@ -124,6 +141,8 @@ class SmoothReport:
     threads: int
     options: dict[str, Any]
     boundary: BoundaryChange | None = None
+    shape: ShapeUse = ShapeUse("ideal", 0, 1.0)
+    plain: tuple[Quality, Quality] | None = None
 
     @property
     def untangling(self) -> UntanglePhase | None:
@@ -156,6 +175,10 @@ class SmoothReport:
             "stopped_because": self.stopped_because,
             "limited_by": None if self.limited_by is None else asdict(self.limited_by),
             "boundary": None if self.boundary is None else asdict(self.boundary),
+            "shape": asdict(self.shape),
+            "plain": None
+            if self.plain is None
+            else {name: _quality_record(q) for name, q in zip(("before", "after"), self.plain, strict=True)},
             "seconds": self.seconds,
             "engine": self.engine,
             "threads": self.threads,

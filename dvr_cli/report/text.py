@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dvr_cli.quality.limits import Limit
     from dvr_cli.quality.measure import Quality
     from dvr_cli.report.compare import Comparison
-    from dvr_cli.report.records import BoundaryChange, MeshSummary, QualityReport, SmoothReport
+    from dvr_cli.report.records import BoundaryChange, MeshSummary, QualityReport, ShapeUse, SmoothReport
 
 WIDTH = 80  # columns where nobody says how many there are
 _LABEL = 19  # columns of a row's label
@@ -42,6 +42,8 @@ def quality_text(report: QualityReport, path: str, bar: str = "#", width: int = 
         for element in quality.worst:
             lines += _with_remark(f"  {_digits(element.quality):>{_VALUE}}", place(element, 6), width)
     lines += ["", f"advice: {advice(report)}", *_note_lines(mesh, quality)]
+    if report.stretched is not None:
+        lines.append(f"note: {_stretched(report.stretched)}, which dvr smooth keeps")
     return "\n".join([f"{path} ({_kind(mesh)})", *wrap(lines, width)])
 
 
@@ -57,6 +59,7 @@ def smooth_text(report: SmoothReport, source: str, output: str, width: int | Non
         f"relaxed {report.relaxed} of {mesh.points} points in {_count(len(report.sweeps), 'sweep')}, "
         f"{report.seconds:.3f} s",
         *_side_by_side(report.before, report.after, mesh.dimension),
+        *_kept(report),
         *_untangling(report),
         *_morphing(report),
         *_ending(report),
@@ -136,6 +139,24 @@ def _side_by_side(before: Quality, after: Quality, dimension: int) -> list[str]:
     return [_row("", "before", "after"), *(_row(name, old, new) for (name, old), (_, new) in rows)]
 
 
+def _kept(report: SmoothReport) -> list[str]:
+    """The cells that were measured against their own shape, and the plain qualities."""
+    if report.plain is None:
+        return []
+    before, after = report.plain
+    return [
+        _row("plain worst", before.minimum, after.minimum),
+        _row("plain mean", before.mean, after.mean),
+        f"kept: {_stretched(report.shape)}; qualities above are relative to their own shape "
+        "(--shape ideal would change them)",
+    ]
+
+
+def _stretched(use: ShapeUse) -> str:
+    """How many cells are stretched on purpose, and by how much."""
+    return f"{_count(use.kept, 'cell')} stretched as their neighbours are, by up to {use.max_aspect:.3g} : 1"
+
+
 def _untangling(report: SmoothReport) -> list[str]:
     """The result of untangling, if it was asked for."""
     if report.untangling is None:
@@ -207,9 +228,16 @@ def _reason(report: SmoothReport) -> str:
         StopReason.INTERRUPTED: "interrupted: the mesh reached by then was written",
         StopReason.ROUNDING: "left as it was: rounding the coordinates would undo what there is to gain",
         StopReason.DEVIATION: "left as it was: the boundary would come too far from the input's",
-        StopReason.NOTHING_TO_RELAX: "nothing to relax: "
-        + ("the selection leaves no vertex that could move" if selects else "no vertex lies inside the mesh"),
+        StopReason.NOTHING_TO_RELAX: "nothing to relax: " + _why_none_moves(report, selects),
     }[report.stopped_because]
+
+
+def _why_none_moves(report: SmoothReport, selects: bool) -> str:
+    if selects:
+        return "the selection leaves no vertex that could move"
+    if report.shape.kept:
+        return "the vertices inside belong to cells that are kept"
+    return "no vertex lies inside the mesh"
 
 
 def _limit(limit: Limit | None) -> list[str]:

@@ -362,13 +362,13 @@ def test_polishing_that_would_lower_the_quality_vector_is_undone():
     fan = np.array([[5, 0], [25, 0], [25, 1], [5, 1], [15, 0.5]])
     around = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]) + len(best)
     points, cells = np.concatenate([best, fan]), {"triangle": np.concatenate([triangles, around])}
-    _, report = dvr_cli.smooth(points, cells)
+    _, report = dvr_cli.smooth(points, cells, shape="ideal")
     assert report.after.q1 == report.before.q1
     assert report.phases[-1].phase == "polish"
     assert report.phases[-1].stopped_because == "undone"
     assert not [sweep for sweep in report.sweeps if sweep["phase"] == "polish"]
     assert at_least(report.after.vector, report.before.vector)
-    _, forced = dvr_cli.smooth(points, cells, polish=True)
+    _, forced = dvr_cli.smooth(points, cells, shape="ideal", polish=True)
     assert not at_least(forced.after.vector, forced.before.vector)
     assert forced.after.q1 >= forced.before.q1
     assert forced.after.mean > report.after.mean
@@ -399,6 +399,6 @@ def test_rounding_may_not_lower_the_worst_element_even_where_nothing_moves():
     cells = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [5, 6, 7]])
     mesh = Mesh(np.array(fan + flat, dtype=float), [Cells("triangle", cells)])
     storage = Rounding()
-    _, report = smooth_mesh(mesh, SmoothOptions(engine="numpy"), storage)
+    _, report = smooth_mesh(mesh, SmoothOptions(engine="numpy", shape="ideal"), storage)
     assert storage.wide
     assert report.before.minimum == report.after.minimum < report.after.q1

@@ -49,8 +49,9 @@ def check(mesh, scale=1.0):
     relaxed = None
     for seed in range(3):
         points, report = slid(moved_by(mesh, lambda _, p=points: p), 2, seed=seed)
-        # the same vertices again, although rounding took a hand in where they are now
-        assert relaxed in (None, report.relaxed)
+        # the same vertices again, although rounding took a hand in where they are now; but where lips of a
+        # slit have slid along each other, vertices hang on the other's facets: both stay from then on
+        assert relaxed in (None, report.relaxed) or (report.mesh.hanging and report.relaxed < relaxed)
         relaxed = report.relaxed
         assert at_least(report.after.vector, report.before.vector)
         assert report.after.minimum >= report.before.minimum > 0

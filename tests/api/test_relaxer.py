@@ -55,7 +55,9 @@ def test_the_bytes_are_those_of_smooth_at_every_instant(kind, engine):
         relaxed, report = relaxer.relax(points)
         expected, smoothed = smooth(points, pairs(mesh), **options)
         assert relaxed.tobytes() == expected.tobytes()
-        assert (report.q1_before, report.q1_after) == (smoothed.before.q1, smoothed.after.q1)
+        # of two corners that are equally bad but for rounding, engine and report may each take the other one
+        expected_q1 = pytest.approx((smoothed.before.q1, smoothed.after.q1), rel=1e-14, abs=0)
+        assert (report.q1_before, report.q1_after) == expected_q1
         assert (report.relaxed, report.stopped_because) == (smoothed.relaxed, smoothed.stopped_because)
         assert [sweep.q1 for sweep in report.sweeps] == [sweep["q1"] for sweep in smoothed.sweeps]
         assert (relaxed != points).any()
@@ -186,7 +188,7 @@ def test_only_the_held_vertices_are_displaced():
     interior = domain_of(mesh).interior
     displacement = np.full_like(mesh.points, np.nan)  # rows of relaxed vertices are not looked at
     displacement[~interior] = [0.1, 0.0]
-    relaxer = dvr_cli.Relaxer(mesh.points, pairs(mesh), order="natural")
+    relaxer = dvr_cli.Relaxer(mesh.points, pairs(mesh), order="natural", shape="ideal")
     assert np.array_equal(relaxer.held, ~interior)
     for step in (1, 2):
         start = relaxer.points
@@ -225,8 +227,8 @@ def test_nodes_of_second_order_cells_follow_their_corners():
     shift = np.zeros_like(points)
     shift[:, 0] = 0.2 * points[:, 0]
     shift[len(linear.points) :] = np.nan
-    relaxed, _ = dvr_cli.Relaxer(points, cells, order="natural").relax(displacement=shift)
-    corners, _ = dvr_cli.Relaxer(linear.points, pairs(linear), order="natural").relax(
+    relaxed, _ = dvr_cli.Relaxer(points, cells, order="natural", shape="ideal").relax(displacement=shift)
+    corners, _ = dvr_cli.Relaxer(linear.points, pairs(linear), order="natural", shape="ideal").relax(
         displacement=shift[: len(linear.points)]
     )
     assert relaxed[: len(corners)].tobytes() == corners.tobytes()
@@ -269,7 +271,7 @@ def test_only_vertices_near_what_moved_are_relaxed(kind, rings):
         near = set().union(*(neighbours[vertex] for vertex in near))
     free = near & set(np.flatnonzero(domain.interior).tolist())
     start, _ = smooth(mesh.points, pairs(mesh), max_iterations=1)
-    relaxer = dvr_cli.Relaxer(start, pairs(mesh), directions="axis")
+    relaxer = dvr_cli.Relaxer(start, pairs(mesh), directions="axis", shape="ideal")
     shift = np.zeros_like(start)
     shift[pushed] = 0.5 * (start[pushed] - start.mean(axis=0))
     relaxed, report = relaxer.relax(displacement=shift, near=rings)

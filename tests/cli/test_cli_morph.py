@@ -53,7 +53,8 @@ def test_a_large_displacement_is_made_in_substeps(dvr, turned, tmp_path):
     """Turned by 100 degrees, on straight paths, the mesh cannot follow at once."""
     source, mesh = turned
     file = saved(tmp_path / "d.npy", turning(mesh.points, 100))
-    assert dvr("morph", source, tmp_path / "out.vtk", "--displacement", file, "-d", "axis").code == 0
+    given = "morph", source, tmp_path / "out.vtk", "--displacement", file, "-d", "axis"
+    assert dvr(*given, "--shape", "ideal").code == 0
     points = points_of(tmp_path / "out.vtk")
     boundary = ~domain_of(mesh).interior
     expected = np.pad(mesh.points, ((0, 0), (0, 1))) + turning(mesh.points, 100)
@@ -81,7 +82,8 @@ def test_kinds_of_displacement_files(dvr, tmp_path, suffix, columns):
     shift = np.array([[0, 0, 0], [0.5, 0, 0], [0.5, 0, 0], [0, 0, 0], [np.nan] * 3])[:, :columns]
     file = saved(tmp_path / f"d{suffix}", shift)
     result = dvr(
-        "morph", fan(tmp_path / "in.msh"), tmp_path / "out.msh", "--displacement", file, "-d", "axis"
+        *("morph", fan(tmp_path / "in.msh"), tmp_path / "out.msh", "--displacement", file),
+        *("-d", "axis", "--shape", "ideal"),
     )
     assert result.code == 0, result.err
     points = points_of(tmp_path / "out.msh")
@@ -117,7 +119,7 @@ def test_interrupted_it_ends_with_the_last_valid_mesh(after):
         asked += 1
         return asked > after
 
-    options = SmoothOptions(directions="axis")
+    options = SmoothOptions(directions="axis", shape="ideal")
     points, report = morph_mesh(mesh, shift, options, interrupted=interrupted)
     (phase,) = report.phases
     assert 0 <= phase.fraction < 1

@@ -207,6 +207,8 @@ SMOOTH = {
     "--vertices": ["{folder}/v.txt"],
     "--engine": ["numpy"],
     "--threads": ["2"],
+    "--regions": ["none"],
+    "--shape": ["ideal"],
     "--straighten": [],
     "--polish": [],
     "--floor": ["0.9"],
@@ -241,6 +243,8 @@ MORPH = {
             "--seed",
             "--engine",
             "--threads",
+            "--regions",
+            "--shape",
             "--straighten",
             "--report",
             "--plot",
@@ -263,6 +267,8 @@ UNTANGLE = {
     "--plot": ["{folder}/p.svg"],
     "--quality-field": ["--output-format", "vtu"],
     "--no-report": [],
+    "--regions": ["none"],
+    "--shape": ["input"],
     "--straighten": [],
     "--input-format": ["gmsh"],
     "--output-format": ["vtk"],
@@ -271,6 +277,7 @@ UNTANGLE = {
     "--debug": [],
 }
 QUALITY = {
+    "--regions": ["none"],
     "--json": [],
     "--csv": [],
     "--plot": ["{folder}/p.png"],
@@ -279,7 +286,13 @@ QUALITY = {
     "--input-format": ["gmsh"],
     "--debug": [],
 }
-COMPARE = {"--json": [], "--plot": ["{folder}/c.pdf"], "--input-format": ["gmsh"], "--debug": []}
+COMPARE = {
+    "--json": [],
+    "--plot": ["{folder}/c.pdf"],
+    "--regions": ["none"],
+    "--input-format": ["gmsh"],
+    "--debug": [],
+}
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from dvr_cli.backend import COMPILED
-from dvr_cli.mesh.corners import SHAPES
 from dvr_cli.quality.badness_numba import worst_corner
 from dvr_cli.relax.columns_numba import ROWS, WIDTH, RingArrays
 from dvr_cli.relax.engines.engine import Engine
@@ -34,7 +33,7 @@ class NumbaEngine(Engine):
         self.threads = threads
         self._points = np.empty((0, problem.dimension))
         self._largest_ring = int(problem.rings.sizes.max(initial=0))
-        rings, table, freedom = problem.rings, SHAPES[problem.dimension], problem.freedom
+        rings, table, freedom = problem.rings, problem.touched.table, problem.freedom
         self._rings = RingArrays(
             *(rings.vertices, rings.start, rings.others, rings.shapes),
             *(table.norm, table.slope, table.curvature),
@@ -77,7 +76,7 @@ class NumbaEngine(Engine):
         return self._in_parts(part, *self.problem.batch_start[batch : batch + 2].tolist())
 
     def _worst_corner(self) -> tuple[int, float]:
-        touched, norm = self.problem.touched, SHAPES[self.problem.dimension].norm
+        touched, norm = self.problem.touched, self.problem.touched.table.norm
         parts = self._in_parts(
             lambda a, b: worst_corner(self._points, touched.vertices, touched.shapes, norm, a, b),
             0,

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 
 from dvr_cli.backend import NUMPY
-from dvr_cli.mesh.corners import SHAPES
 from dvr_cli.mesh.simplex import Components, dot, opposite_normal, subtract
 from dvr_cli.quality.badness import badness, worst_corner
 from dvr_cli.quality.mean_ratio import weighted_norm
@@ -75,7 +74,7 @@ class NumpyEngine(Engine):
         self, chunk: RingChunk
     ) -> tuple[list[np.ndarray], list[list[np.ndarray]], list[np.ndarray], list[np.ndarray], np.ndarray]:
         """x, ends, norm, slope and curvature of the chunk's rings, as ``line.coefficients`` takes them."""
-        table = SHAPES[self._dimension]
+        table = self.problem.touched.table
         norm = list(table.norm[chunk.shapes].transpose(2, 0, 1))
         slope = list(table.slope[chunk.shapes].transpose(2, 0, 1))
         ends = [[component[end] for component in self._coordinates] for end in chunk.ends]

@@ -21,7 +21,6 @@ from functools import partial
 import numpy as np
 
 from dvr_cli.boundary.freedom import Freedom
-from dvr_cli.mesh.corners import SHAPES
 from dvr_cli.quality.badness import quality_growth
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.engines.engine import Engine
@@ -95,7 +94,7 @@ class _State:
             freedom.dimension[problem.rings.vertices] = problem.freedom.dimension
             freedom.axis[problem.rings.vertices] = problem.freedom.axis
         # the arguments of ``solve_patch`` beside the patch: the shape table, and each vertex's freedom
-        self.rules = SHAPES[d].norm, freedom.dimension, freedom.axis
+        self.rules = self._touched.table.norm, freedom.dimension, freedom.axis
         self.quality = corner_qualities(self.points, self._touched)
         self.layers = np.ones(len(self.quality), dtype=np.int64)  # to be freed around each corner
 

@@ -21,7 +21,7 @@ import numpy as np
 from dvr_cli.boundary.freedom import Freedom, unit
 from dvr_cli.boundary.smooth_parts import SmoothParts
 from dvr_cli.boundary.tracking import Probe, Track
-from dvr_cli.mesh.corners import SHAPES, Corners
+from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.simplex import Components, cross, dot, opposite_normal, subtract
 from dvr_cli.quality.badness import badness
@@ -207,7 +207,7 @@ class Projection:
         corner: np.ndarray,
     ) -> Lines:
         """The lines of rings with the ``corner`` numbers (K, n)."""
-        table = SHAPES[self.problem.dimension]
+        table = self.problem.touched.table
         norm, slope = table.norm[shapes].transpose(2, 0, 1), table.slope[shapes].transpose(2, 0, 1)
         parts = norm, slope, table.curvature[shapes]
         if self._is_surface:
@@ -216,7 +216,7 @@ class Projection:
 
     def _largest_badness(self, x: np.ndarray, ends: Sequence[Components], shapes: np.ndarray) -> np.ndarray:
         """(n,) the badness of the worst corner of each ring with its vertex at ``x`` (n, d)."""
-        norm = SHAPES[self.problem.dimension].norm[shapes].transpose(2, 0, 1)
+        norm = self.problem.touched.table.norm[shapes].transpose(2, 0, 1)
         edges = [subtract(end, list(x.T)) for end in ends]
         if self._is_surface:
             area = cross(*edges)

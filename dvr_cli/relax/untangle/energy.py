@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.boundary.freedom import Freedom
-from dvr_cli.mesh.corners import SHAPES, Corners
+from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.simplex import cross, dot, subtract
 
 _CHUNK = 1 << 13  # corners evaluated at a time: what they take stays in the cache
@@ -36,7 +36,7 @@ class Energy:
         touched = np.flatnonzero(marked[corners.vertices].any(axis=1))
         vertices, self._corner = np.unique(corners.vertices[touched], return_inverse=True)
         self._corner = np.ascontiguousarray(self._corner.reshape(-1, d + 1).T)
-        self._norm = np.ascontiguousarray(SHAPES[d].norm[corners.shapes[touched, 0]].T)
+        self._norm = np.ascontiguousarray(corners.table.norm[corners.shapes[touched, 0]].T)
         self._start = np.ascontiguousarray(points[vertices].T)
         self._here = np.searchsorted(vertices, self._moving)
         size, self._unit = self._sizes()

@@ -151,7 +151,7 @@ def test_optimum_against_scipy(kind):
     run = Run(kind, 5)
     parts = patch_of(run, layers=0)
     points, moving, vertices, shapes = parts[:4]
-    corners = Simplices(vertices, shapes[:, None])
+    corners = Simplices(vertices, shapes[:, None], SHAPES[vertices.shape[1] - 1])
     before = corner_qualities(points, corners).min()
     solve_patch(*parts)
     reached = corner_qualities(points, corners).min()

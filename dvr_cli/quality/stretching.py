@@ -1,0 +1,169 @@
+"""Coherent stretching: cells drawn out alike with their neighbours, as in boundary layers, are found.
+
+With A = E W⁻¹ of a corner, L = -dev ln(A Aᵀ) (dev: the trace removed) says how and by how much it is
+stretched, and α(L) = exp((λmax - λmin) / 2) is its aspect, λ the eigenvalues. Averages of L over cells, from
+these to vertices and back, cancel for random slivers and do not for layers. Cells where three such averages
+still have an aspect of SEED are deliberate; from there they spread through common vertices as long as two
+averages have an aspect of GROWN.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.backend import NUMPY, Backend
+from dvr_cli.mesh.corners import Corners
+from dvr_cli.mesh.domain import Domain
+from dvr_cli.mesh.neighbours import within_rings
+from dvr_cli.mesh.orientation import connected_parts
+from dvr_cli.mesh.simplex import chunks
+from dvr_cli.quality.mean_ratio import corner_qualities
+from dvr_cli.quality.targets import Targets
+
+SEED = 5.0  # aspect from which stretching is deliberate, averaged three times
+GROWN = 1.5  # aspect down to which it spreads, averaged twice
+KEPT = 2.0  # aspect from which a cell's own shape is its target; in between it is a blend
+
+
+def coherent(domain: Domain) -> Targets | None:
+    """How near the target of each cell should be to its own shape, None where no stretching is coherent.
+
+    Cells that are inverted or degenerate have the ideal target.
+    """
+    corners, points, backend = domain.corners, domain.points, domain.backend
+    n_points = len(points)
+    bound = np.log(SEED)
+    width = np.diff(corners.start)
+    cells = _Cells(corners, n_points, backend)
+    # no average has a larger aspect than the average of what each corner's quality allows
+    quality = corner_qualities(points, corners, backend)
+    positive = corners.by_cell(np.minimum, quality) > 0
+    most = cells.thrice(cells.from_corners(_largest_log_aspect(quality, domain.dimension)))
+    likely = np.flatnonzero(most >= bound)
+    near = _near(corners, width, n_points, likely)
+    stretching = cells.from_corners(_stretching(points, corners, near & positive))
+    seeds = np.zeros(len(width), dtype=bool)
+    seeds[likely] = _log_aspect(cells.thrice(stretching)[likely]) >= bound
+    if not seeds.any():
+        return None
+    stretching = cells.from_corners(_stretching(points, corners, positive))
+    log_aspect = _log_aspect(cells.averaged(cells.averaged(stretching)))
+    spread = _grown(corners, width, n_points, seeds, log_aspect >= np.log(GROWN))
+    place = (log_aspect - np.log(GROWN)) / (np.log(KEPT) - np.log(GROWN))
+    place = np.clip(place, 0.0, 1.0)
+    share = np.where(spread & positive, place * place * (3.0 - 2.0 * place), 0.0)
+    kept = share >= 1.0
+    if not kept.any():
+        return None
+    return Targets(share, float(np.exp(_log_aspect(stretching)[kept].max())))
+
+
+class _Cells:
+    """The cells of a domain as rows of vertices, each vertex once."""
+
+    def __init__(self, corners: Corners, n_points: int, backend: Backend = NUMPY) -> None:
+        self._corners, self._n_points, self._average = corners, n_points, backend.twin(averaged)
+        self._width = np.diff(corners.start)
+
+    def from_corners(self, values: np.ndarray) -> np.ndarray:
+        """The mean over each cell's corners of values (C,) or (C, k)."""
+        width = self._width if values.ndim == 1 else self._width[:, None]
+        return self._corners.by_cell(np.add, values) / width
+
+    def thrice(self, values: np.ndarray) -> np.ndarray:
+        """Values of cells averaged three times."""
+        return self.averaged(self.averaged(self.averaged(values)))
+
+    def averaged(self, values: np.ndarray) -> np.ndarray:
+        """Values of cells (n,) or (n, k), averaged to vertices and back to cells."""
+        rows = values.reshape(len(values), -1)
+        result = self._average(rows, self._corners.vertices, self._corners.start, self._n_points)
+        return result.reshape(values.shape)
+
+
+def averaged(values: np.ndarray, vertices: np.ndarray, start: np.ndarray, n_points: int) -> np.ndarray:
+    """(n, k) values of cells averaged to vertices and back; a vertex counts once for each corner it is in.
+
+    vertices: (C, d+1) of the corners; start: (n + 1,) the corners of each cell.
+    """
+    width = np.diff(start)
+    cell = np.repeat(np.arange(len(values)), width)
+    count = np.zeros(n_points)
+    total = np.zeros((n_points, values.shape[1]))
+    for column in vertices.T:
+        np.add.at(count, column, 1.0)
+        np.add.at(total, column, values[cell])
+    total /= np.maximum(count, 1.0)[:, None]
+    result = np.zeros_like(values)
+    for column in vertices.T:
+        np.add.at(result, cell, total[column])
+    return result / (width * vertices.shape[1])[:, None]
+
+
+def _largest_log_aspect(quality: np.ndarray, dimension: int) -> np.ndarray:
+    """(C,) ln α of corners of this quality at most: α + 1/α ≤ 2 Q^(-d/2), equal for d = 2; 0 if inverted."""
+    power = np.clip(quality, 1e-100, 1.0) ** (-dimension / 2.0)
+    return np.where(quality > 0, np.arccosh(power), 0.0)
+
+
+def _near(corners: Corners, width: np.ndarray, n_points: int, cells: np.ndarray) -> np.ndarray:
+    """(n,) bool: the cells whose stretching the third average in ``cells`` depends on."""
+    chosen = np.zeros(len(width), dtype=bool)
+    chosen[cells] = True
+    reached = np.zeros(n_points, dtype=bool)
+    reached[corners.vertices[np.repeat(chosen, width)]] = True
+    reached = within_rings([corners.vertices], reached, 3)
+    return corners.by_cell(np.logical_or, reached[corners.vertices].any(axis=1))
+
+
+def _stretching(points: np.ndarray, corners: Corners, wanted: np.ndarray) -> np.ndarray:
+    """(C, D (D+1) / 2) L of each corner of the ``wanted`` cells ((n,) bool), zero of others.
+
+    A row is the diagonal of L and then its upper triangle.
+    """
+    space = points.shape[1]
+    j, k = np.triu_indices(space, 1)
+    result = np.zeros((len(corners.vertices), space + len(j)))
+    inverse = np.linalg.cholesky(corners.table.matrices)  # W⁻¹ of each row, up to size and rotation of W
+    rows = np.flatnonzero(np.repeat(wanted, np.diff(corners.start)))
+    for chunk in chunks(len(rows)):
+        here = rows[chunk]
+        vertices = corners.vertices[here]
+        edges = points[vertices[:, 1:]] - points[vertices[:, :1]]  # Eᵀ
+        a = np.einsum("nji,njk->nik", edges, inverse[corners.shapes[here, 0]])
+        vector, size, _ = np.linalg.svd(a, full_matrices=False)
+        log = -2.0 * np.log(np.maximum(size, 1e-150))
+        log -= log.mean(axis=1, keepdims=True)
+        tensor = np.einsum("nia,na,nja->nij", vector, log, vector)
+        result[here, :space] = np.einsum("nii->ni", tensor)
+        result[here, space:] = tensor[:, j, k]
+    return result
+
+
+def _log_aspect(stretching: np.ndarray) -> np.ndarray:
+    """(n,) ln α of tensors given as by ``_stretching``."""
+    n = len(stretching)
+    space = 2 if stretching.shape[1] == 3 else 3
+    j, k = np.triu_indices(space, 1)
+    result = np.empty(n)
+    for chunk in chunks(n):
+        part = stretching[chunk]
+        tensor = np.zeros((len(part), space, space))
+        tensor[:, range(space), range(space)] = part[:, :space]
+        tensor[:, j, k] = tensor[:, k, j] = part[:, space:]
+        value = np.linalg.eigvalsh(tensor)
+        result[chunk] = (value[:, -1] - value[:, 0]) / 2.0
+    return result
+
+
+def _grown(
+    corners: Corners, width: np.ndarray, n_points: int, seeds: np.ndarray, eligible: np.ndarray
+) -> np.ndarray:
+    """(n,) bool: the eligible cells that hang together with a seed through common vertices."""
+    eligible = eligible | seeds
+    rows = corners.vertices[np.repeat(eligible, width)]
+    tail = np.repeat(rows[:, 0], rows.shape[1] - 1)
+    part = connected_parts(n_points, tail, rows[:, 1:].ravel())
+    with_seed = np.zeros(n_points, dtype=bool)
+    with_seed[part[corners.vertices[corners.start[:-1][seeds], 0]]] = True
+    return eligible & with_seed[part[corners.vertices[corners.start[:-1], 0]]]

@@ -1,0 +1,117 @@
+"""Meshes with boundary layers, made by Gmsh."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import gmsh
+import numpy as np
+
+from dvr_cli.mesh.mesh import Cells, Mesh
+
+_TYPES = {2: ("triangle", 3), 3: ("quad", 4), 4: ("tetra", 4), 5: ("hexahedron", 8), 6: ("wedge", 6)}
+
+
+def around_cylinder(height: float = 0.003, quads: bool = True) -> Mesh:
+    """A square with a hole of radius 0.5 and layers round it, the first ``height`` high."""
+    return _planar(lambda: [gmsh.model.occ.addDisk(0, 0, 0, 0.5, 0.5)], height, quads)
+
+
+def around_aerofoil(height: float = 0.001, quads: bool = True) -> Mesh:
+    """A square with a symmetrical aerofoil in it and layers round that."""
+    s = np.linspace(0, math.pi, 25)
+    x = 0.5 * (1 - np.cos(s))
+    y = 0.6 * (0.2969 * np.sqrt(x) - 0.126 * x - 0.3516 * x**2 + 0.2843 * x**3 - 0.1036 * x**4)
+
+    def body() -> list[int]:
+        occ = gmsh.model.occ
+        top = [occ.addPoint(a - 0.5, b, 0) for a, b in zip(x[:-1], y[:-1], strict=True)]
+        tail = occ.addPoint(0.5, 0, 0)
+        bottom = [occ.addPoint(a - 0.5, -b, 0) for a, b in zip(x[1:-1], y[1:-1], strict=True)]
+        curves = [occ.addSpline([*top, tail]), occ.addSpline([tail, *reversed(bottom), top[0]])]
+        return [occ.addPlaneSurface([occ.addCurveLoop(curves)])]
+
+    return _planar(body, height, quads)
+
+
+def extruded(kind: str, height: float = 1 / 300, bump: bool = False) -> Mesh:
+    """A box whose floor, flat or with a bump, carries layers of "wedge", "hexahedron" or "tetra" cells."""
+    with _session():
+        occ = gmsh.model.occ
+        floor = occ.addRectangle(0, 0, 0, 1, 1)
+        occ.synchronize()
+        gmsh.option.setNumber("Mesh.MeshSizeMin", 0.1)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.1)
+        heights = np.cumsum(np.minimum(height * 0.1 * 1.4 ** np.arange(24), 0.1))
+        n = len(heights)
+        occ.extrude(
+            [(2, floor)],
+            *(0, 0, float(heights[-1])),
+            numElements=[1] * n,
+            heights=(heights / heights[-1]).tolist(),
+            recombine=kind != "tetra",
+        )
+        occ.synchronize()
+        if kind == "hexahedron":
+            gmsh.option.setNumber("Mesh.RecombineAll", 1)
+        gmsh.model.mesh.generate(3)
+        mesh = _mesh(3)
+    if bump:
+        x, y, z = mesh.points.T
+        mesh.points[:, 2] = z + 0.1 * np.exp(-20 * ((x - 0.5) ** 2 + (y - 0.5) ** 2))
+    return mesh
+
+
+class _session:
+    """Gmsh, quiet, with a model of its own."""
+
+    def __enter__(self) -> None:
+        gmsh.initialize(interruptible=False)
+        gmsh.option.setNumber("General.Terminal", 0)
+
+    def __exit__(self, *_: object) -> None:
+        gmsh.finalize()
+
+
+def _planar(body: Callable[[], list[int]], height: float, quads: bool) -> Mesh:
+    with _session():
+        occ = gmsh.model.occ
+        square = occ.addRectangle(-2, -2, 0, 4, 4)
+        tags = body()
+        occ.cut([(2, square)], [(2, tag) for tag in tags])
+        occ.synchronize()
+        boundary = gmsh.model.getBoundary(gmsh.model.getEntities(2), oriented=False)
+        wall = [
+            tag for _, tag in boundary if max(abs(v) for v in gmsh.model.occ.getBoundingBox(1, tag)[:5]) < 1.5
+        ]
+        field = gmsh.model.mesh.field.add("BoundaryLayer")
+        gmsh.model.mesh.field.setNumbers(field, "CurvesList", wall)
+        gmsh.model.mesh.field.setNumber(field, "Size", height)
+        gmsh.model.mesh.field.setNumber(field, "Ratio", 1.3)
+        gmsh.model.mesh.field.setNumber(field, "Thickness", 30 * height)
+        gmsh.model.mesh.field.setNumber(field, "Quads", int(quads))
+        points = {tag for _, tag in gmsh.model.getBoundary([(1, t) for t in wall], False, False)}
+        gmsh.model.mesh.field.setNumbers(field, "FanPointsList", sorted(points) if len(points) > 1 else [])
+        gmsh.model.mesh.field.setAsBoundaryLayer(field)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.25)
+        gmsh.option.setNumber("Mesh.MeshSizeMin", 0.05)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 40)
+        gmsh.model.mesh.generate(2)
+        return _mesh(2)
+
+
+def _mesh(dimension: int) -> Mesh:
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    kinds, _, nodes = gmsh.model.mesh.getElements(dimension)
+    order = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+    order[tags] = np.arange(len(tags))
+    cells = [
+        Cells(_TYPES[kind][0], order[row].reshape(-1, _TYPES[kind][1]))
+        for kind, row in zip(kinds, nodes, strict=True)
+    ]
+    used = np.unique(np.concatenate([block.vertices.ravel() for block in cells]))
+    number = np.full(len(tags), -1)
+    number[used] = np.arange(len(used))
+    points = coordinates.reshape(-1, 3)[used, : max(2, dimension)]
+    return Mesh(points.copy(), [Cells(b.type, number[b.vertices]) for b in cells])

@@ -1,0 +1,129 @@
+"""Coherent stretching: layers are found, random slivers and gradings are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dvr_cli.backend import COMPILED
+from dvr_cli.mesh.domain import domain_of
+from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.quality import stretching
+from dvr_cli.quality.stretching import coherent
+from meshes import KINDS, random_mesh
+from needs import require
+
+
+def grid(kind: str, levels: np.ndarray) -> Mesh:
+    """Cells of a kind on a grid that is even but in its last direction, where it has these levels."""
+    n = len(levels)
+    flat = kind in ("triangle", "quad")
+    axes = [np.linspace(0, 1, n), levels] if flat else [np.linspace(0, 1, n), np.linspace(0, 1, n), levels]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+    place = np.arange(n ** len(axes)).reshape([n] * len(axes))
+    if flat:
+        a, b, c, d = (
+            place[i : n - 1 + i, j : n - 1 + j].ravel() for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))
+        )
+        cells = [[a, b, c, d]] if kind == "quad" else [[a, b, c], [a, c, d]]
+    else:
+        corner = [
+            place[i : n - 1 + i, j : n - 1 + j, k : n - 1 + k].ravel()
+            for k in (0, 1)
+            for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))
+        ]
+        a, b, c, d, e, f, g, h = corner
+        cells = {
+            "hexahedron": [corner],
+            "wedge": [[a, b, c, e, f, g], [a, c, d, e, g, h]],
+            "tetra": [[a, b, c, g], [a, c, d, g], [a, d, h, g], [a, h, e, g], [a, e, f, g], [a, f, b, g]],
+        }[kind]
+    return Mesh(points, [Cells(kind, np.concatenate([np.stack(cell, axis=1) for cell in cells]))])
+
+
+def layered(kind: str, height: float, n: int = 13) -> Mesh:
+    """A unit square or cube, its lowest layers ``height`` high and growing by half up to the even size."""
+    even = 1.0 / (n - 1)
+    heights = np.minimum(height * 1.5 ** np.arange(n - 1), even)
+    return grid(kind, np.concatenate([[0.0], np.cumsum(heights)]))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_random_cells_are_not_kept(kind):
+    for seed in range(3):
+        assert coherent(domain_of(random_mesh(kind, seed))) is None
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("kind", ["triangle", "quad", "tetra", "hexahedron", "wedge"])
+def test_layers_are_kept_and_the_rest_is_not(kind, scale):
+    mesh = layered(kind, 1 / 12 / 60)
+    points = mesh.points * scale
+    found = coherent(domain_of(Mesh(points, mesh.cells)))
+    assert found is not None
+    cells = np.concatenate([points[block.vertices].mean(axis=1)[:, -1] for block in mesh.cells]) / scale
+    low = np.sort(np.unique(points[:, -1]))[1] / scale
+    assert found.kept[cells < low].all()
+    if kind != "tetra":  # the six tetrahedra of a cube are all drawn out along one diagonal: coherent, too
+        assert not found.kept[cells > cells.max() - 0.12].any()
+    assert found.max_aspect > 20
+
+
+def test_the_direction_of_layers_does_not_matter():
+    mesh = layered("triangle", 1 / 800)
+    straight = coherent(domain_of(mesh))
+    turn = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
+    turned = coherent(domain_of(Mesh(mesh.points @ turn.T, mesh.cells)))
+    assert straight is not None
+    assert turned is not None
+    assert turned.share == pytest.approx(straight.share, abs=1e-9)
+
+
+def test_inverted_cells_are_never_kept():
+    mesh = layered("quad", 1 / 800)
+    points = mesh.points.copy()
+    inner = int(np.flatnonzero(domain_of(mesh).interior)[60])
+    points[inner, 1] -= 0.3
+    domain = domain_of(Mesh(points, mesh.cells))
+    found = coherent(domain)
+    assert found is not None
+    broken = (mesh.cells[0].vertices == inner).any(axis=1)
+    negative = domain.corners.by_cell(np.minimum, _qualities(domain)) <= 0
+    assert negative.any()
+    assert (broken | ~negative).all()
+    assert (found.share[negative] == 0).all()
+
+
+def _qualities(domain):
+    from dvr_cli.quality.mean_ratio import corner_qualities
+
+    return corner_qualities(domain.points, domain.corners)
+
+
+@pytest.mark.parametrize("kind", ["triangle", "hexahedron", "pyramid"])
+def test_averages_compiled_are_the_same_to_the_bit(kind):
+    require("numba")
+    domain = domain_of(random_mesh(kind, 0))
+    corners = domain.corners
+    for shape in ((), (6,)):
+        values = np.random.default_rng(0).normal(size=(len(corners.start) - 1, *(shape or (1,))))
+        arguments = values, corners.vertices, corners.start, len(domain.points)
+        plain = stretching.averaged(*arguments)
+        assert COMPILED.twin(stretching.averaged)(*arguments).tobytes() == plain.tobytes()
+
+
+def test_an_average_never_has_a_larger_aspect_than_its_parts():
+    """The search skips meshes by this: the averaged bound is not below the averaged aspect."""
+    domain = domain_of(random_mesh("tetra", 4))
+    corners = domain.corners
+    cells = stretching._Cells(corners, len(domain.points))
+    every = np.ones(len(corners.start) - 1, dtype=bool)
+    tensor = cells.from_corners(stretching._stretching(domain.points, corners, every))
+    bound = cells.thrice(cells.from_corners(stretching._largest_log_aspect(_qualities(domain), 3)))
+    assert (stretching._log_aspect(cells.thrice(tensor)) <= bound * (1 + 1e-9) + 1e-12).all()
+
+
+def test_a_mesh_without_inner_cells_is_no_layer():
+    assert (
+        coherent(domain_of(Mesh(np.eye(3)[:, :2] + 0.0, [Cells("triangle", np.array([[2, 0, 1]]))]))) is None
+    )

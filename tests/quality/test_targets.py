@@ -1,0 +1,94 @@
+"""Target shapes: own, ideal and blended, against matrices written out by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dvr_cli.mesh.domain import domain_of
+from dvr_cli.quality.mean_ratio import corner_qualities
+from dvr_cli.quality.targets import Targets, with_targets
+from meshes import KINDS, random_mesh
+
+
+def shaped(domain, share, still=None):
+    still = np.zeros(len(domain.points), dtype=bool) if still is None else still
+    return with_targets(domain.points, domain.corners, Targets(share, 1.0), still)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_own_shape_has_quality_one_in_any_size_and_direction(kind):
+    domain = domain_of(random_mesh(kind, 1))
+    corners = shaped(domain, np.ones(len(domain.corners.start) - 1))
+    assert corner_qualities(domain.points, corners) == pytest.approx(1.0, abs=1e-12)
+    d = domain.dimension
+    turn, _ = np.linalg.qr(np.random.default_rng(2).normal(size=(d, d)))
+    turn[:, 0] *= np.sign(np.linalg.det(turn))
+    assert corner_qualities(7.0 * domain.points @ turn.T + 3.0, corners) == pytest.approx(1.0, abs=1e-11)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_choice_of_origin_gives_the_same_quality(kind):
+    """Rings read the target with their own vertex first; all rows of a corner have to agree."""
+    domain = domain_of(random_mesh(kind, 3))
+    rng = np.random.default_rng(0)
+    corners = shaped(domain, rng.choice([0.0, 0.4, 1.0], len(domain.corners.start) - 1))
+    moved = domain.points + 0.01 * rng.normal(size=domain.points.shape)
+    expected = corner_qualities(moved, corners)
+    from dvr_cli.mesh.corners import ORIGIN_FIRST
+
+    for p, order in enumerate(ORIGIN_FIRST[domain.dimension]):
+        turned = replace(corners, vertices=corners.vertices[:, order], shapes=corners.shapes[:, [p]])
+        assert corner_qualities(moved, turned) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.8, 1.0])
+def test_the_blend_is_the_one_of_the_definition(kind, share):
+    """W_t = V Σ^t Zᵀ W written out with the singular value decomposition of A = E W⁻¹, corner by corner."""
+    from dvr_cli.mesh.cell_types import CELL_TYPES
+
+    mesh = random_mesh(kind, 5)
+    domain = domain_of(mesh)
+    d = domain.dimension
+    corners = shaped(domain, np.full(len(domain.corners.start) - 1, share))
+    moved = domain.points + 0.02 * np.random.default_rng(1).normal(size=domain.points.shape)
+    got = corner_qualities(moved, corners)
+    ideal = [t for block in domain.cells for _ in block.vertices for t in CELL_TYPES[block.type].targets]
+    for c, target in enumerate(ideal):
+        w = (np.asarray(target)[1:] - np.asarray(target)[0]).T
+        edges, after = (
+            (points[corners.vertices[c, 1:]] - points[corners.vertices[c, 0]]).T
+            for points in (domain.points, moved)
+        )
+        v, sigma, z = np.linalg.svd(edges @ np.linalg.inv(w))
+        a = after @ np.linalg.inv(v @ np.diag(sigma**share) @ z @ w)
+        det = np.linalg.det(a)
+        expected = d * np.sign(det) * abs(det) ** (2 / d) / (a * a).sum()
+        assert got[c] == pytest.approx(expected, rel=1e-8, abs=1e-10)
+
+
+def test_corners_that_never_move_get_no_rows_and_count_as_perfect():
+    domain = domain_of(random_mesh("tetra", 2))
+    n = len(domain.corners.start) - 1
+    still = np.ones(len(domain.points), dtype=bool)
+    still[0] = False
+    corners = shaped(domain, np.ones(n), still)
+    touched = (corners.vertices == 0).any(axis=1)
+    assert len(corners.table.matrices) == len(domain.corners.table.matrices) + 4 * touched.sum()
+    assert (corner_qualities(domain.points, corners)[~touched] == 1.0).all()
+    assert corners.held is not None
+    assert (corners.held == ~touched).all()
+
+
+def test_vertices_with_kept_cells_only_are_held():
+    domain = domain_of(random_mesh("triangle", 2))
+    n = len(domain.corners.start) - 1
+    share = np.ones(n)
+    share[0] = 0.5
+    held = Targets(share, 1.0).held_vertices(domain.corners, len(domain.points))
+    expected = np.ones(len(domain.points), dtype=bool)
+    expected[domain.corners.vertices[0]] = False
+    assert (held == expected).all()
