@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dvr_cli.api.boundary import usual_moves
 from dvr_cli.api.options import Names, SmoothOptions, check_known
-from dvr_cli.api.shapes import with_targets_of
+from dvr_cli.api.shapes import shaped, with_targets_of
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.convert import as_mesh, from_meshio
@@ -18,7 +19,6 @@ from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.region_choice import RegionChoice
 from dvr_cli.options import check_names
 from dvr_cli.quality.measure import measure
-from dvr_cli.quality.stretching import coherent
 from dvr_cli.report.compare import Comparison, compare_qualities
 from dvr_cli.report.records import QualityReport, ShapeUse, SmoothReport, summarise
 
@@ -116,13 +116,14 @@ def compare(before: meshio.Mesh, *after: meshio.Mesh) -> Comparison:
 
 
 def mesh_quality(mesh: Mesh, worst: int = 10, regions: RegionChoice = ()) -> QualityReport:
-    """The quality report of a Mesh."""
+    """The quality report of a Mesh; relaxed are the vertices that ``smooth`` moves by default."""
     domain = domain_of(mesh, regions=regions)
-    relaxed = np.flatnonzero(domain.interior)
-    quality = measure(domain, mesh.points, relaxed, worst)
-    found = coherent(domain)
-    stretched = None if found is None else ShapeUse("auto", int(found.kept.sum()), found.max_aspect)
-    return QualityReport(summarise(mesh, domain), len(relaxed), quality, stretched)
+    shapes = shaped(domain, "auto")
+    moves = usual_moves(mesh, domain, shapes.held)
+    quality = measure(domain, mesh.points, moves.relaxed, worst)
+    stretched = ShapeUse("auto", shapes.kept, shapes.max_aspect) if shapes.kept else None
+    summary = summarise(mesh, domain, moves.constraints)
+    return QualityReport(summary, len(moves.relaxed), quality, stretched)
 
 
 def compare_meshes(meshes: Sequence[Mesh]) -> Comparison:
@@ -130,18 +131,23 @@ def compare_meshes(meshes: Sequence[Mesh]) -> Comparison:
 
     Cells that are stretched coherently in the first are measured against their shape there in all.
     """
-    domains = [domain_of(mesh) for mesh in meshes]
-    return compare_domains(meshes, domains)
+    return compare_domains(meshes, [domain_of(mesh) for mesh in meshes])
 
 
 def compare_domains(meshes: Sequence[Mesh], domains: Sequence[Domain]) -> Comparison:
-    """As ``compare_meshes``, of meshes and their domains."""
+    """As ``compare_meshes``, of meshes and their domains; relaxed are in all the vertices of the first."""
     same = same_connectivity(meshes)
-    relaxed = [np.flatnonzero(domain.interior) for domain in domains]
-    shaped = [with_targets_of(domain, domains[0]) for domain in domains] if same else domains
+    moves = [
+        usual_moves(mesh, domain, shaped(domain, "auto").held)
+        for mesh, domain in zip(meshes, domains, strict=True)
+    ]
+    own_shapes = [with_targets_of(domain, domains[0]) for domain in domains] if same else domains
+    relaxed = [(moves[0] if same else own).relaxed for own in moves]
     reports = [
-        QualityReport(summarise(mesh, domain), len(moving), measure(domain, mesh.points, moving))
-        for mesh, domain, moving in zip(meshes, shaped, relaxed, strict=True)
+        QualityReport(
+            summarise(mesh, domain, own.constraints), len(moving), measure(domain, mesh.points, moving)
+        )
+        for mesh, domain, own, moving in zip(meshes, own_shapes, moves, relaxed, strict=True)
     ]
     return compare_qualities(reports, same)
 

@@ -15,6 +15,7 @@ from dvr_cli.boundary.freedom import Freedom, interior_freedom
 from dvr_cli.boundary.smooth_parts import SmoothParts, smooth_parts_of
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.options import default
 from dvr_cli.relax.directions import DirectionField, random_field
 from dvr_cli.relax.steepest import Ascent
 from dvr_cli.relax.stopping import StopReason
@@ -70,6 +71,12 @@ def moves_of(mesh: Mesh, domain: Domain, boundary: str, selected: np.ndarray, fe
     smooth = replace(smooth, freedom=smooth.freedom.only(selected))
     parts = smooth_parts_of(domain.points, constraints, smooth, flat)
     return Moves(parts.exact, parts if len(parts.projected) else None, constraints)
+
+
+def usual_moves(mesh: Mesh, domain: Domain, held: np.ndarray) -> Moves:
+    """The moves open to each vertex where nothing is asked for; held: (N,) bool, vertices that stay."""
+    selected = mesh.unlinked & ~held
+    return moves_of(mesh, domain, default("boundary"), selected, default("feature_angle"))
 
 
 def relax_with_projection(
