@@ -268,7 +268,7 @@ TABLE = (
         "only",
         TEXTS,
         (),
-        "Relax only the vertices of a group. Can be repeated.",
+        "Relax only the vertices of a group, or of cells of a type. Can be repeated.",
         SMOOTH,
         "NAME",
         recorded=True,
@@ -410,6 +410,14 @@ TABLE = (
         "The paper's Algorithm 1: random directions, natural order, exactly N sweeps (-n).",
         SMOOTH,
         recorded=True,
+    ),
+    Option(
+        "mesh",
+        TEXT,
+        None,
+        "The mesh to read of a MED file with several.",
+        (*RUNS, *REPORTS),
+        "NAME",
     ),
     Option(
         "input_format", TEXT, None, "Format of the input; default: by its suffix.", (*RUNS, *REPORTS), "NAME"

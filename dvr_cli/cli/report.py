@@ -36,7 +36,7 @@ def quality(
         raise UsageError("--json and --csv exclude each other")
     if plot is not None:
         check("--plot", plot, PICTURES, [path])
-    mesh = open_mesh(path, given["input_format"]).mesh
+    mesh = open_mesh(path, given["input_format"], given["mesh"]).mesh
     with naming(path):
         report = mesh_quality(mesh, given["worst"], given["regions"] or ())
     if plot is not None:
@@ -78,7 +78,7 @@ def compare(
     paths, plot = [before, *after], given["plot"]
     if plot is not None:
         check("--plot", plot, PICTURES, paths)
-    meshes = [open_mesh(path, given["input_format"]).mesh for path in paths]
+    meshes = [open_mesh(path, given["input_format"], given["mesh"]).mesh for path in paths]
     domains = []
     for path, mesh in zip(paths, meshes, strict=True):
         with naming(path):

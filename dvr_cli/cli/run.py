@@ -70,7 +70,7 @@ def run(
 
     with Progress(quiet, verbose) as progress:
         progress.show(f"reading {source}")
-        opened = open_mesh(source, given["input_format"])
+        opened = open_mesh(source, given["input_format"], given["mesh"])
         destination = writing.Output(opened, output, output_format, "quality" if quality_field else None)
         progress.show("preparing")
         with Interrupt() as interrupt:

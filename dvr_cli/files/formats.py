@@ -31,6 +31,7 @@ class Format:
     signature: matches the first bytes of its files, None if they do not give it away.
     reader: the module in this package whose ``read`` makes a Source of a file.
     several: its meshes may be spread over several files. ``read`` then takes an InputFile, else bytes.
+    named_meshes: a file may hold several meshes, of which one is chosen by name.
     converter: the module whose ``convert(mesh, unread)`` makes a Source of any mesh, to be written in this
         format; None where files of other formats cannot be written in it.
     meshio: meshio's name for the format and the options its writer gets, where meshio converts.
@@ -44,6 +45,7 @@ class Format:
     signature: re.Pattern[bytes] | None = None
     reader: str = _MESHIO
     several: bool = False
+    named_meshes: bool = False
     converter: str | None = _MESHIO
     meshio: tuple[str, Mapping[str, Any]] = field(default=("", {}))
     versions: str = ""
@@ -240,6 +242,7 @@ REGISTRY = (
         re.compile(rb"\x89HDF.*(ENS_MAA|INFOS_GENERALES|MED file)", re.DOTALL),
         reader="med",
         several=True,
+        named_meshes=True,
         converter=None,
         versions="HDF5",
         regions="families",

@@ -12,10 +12,11 @@ from dvr_cli.files.source import InputFile, Source
 STANDARD = Path("-")  # stands for stdin and stdout
 
 
-def open_mesh(path: Path, format_name: str | None = None) -> Source:
+def open_mesh(path: Path, format_name: str | None = None, mesh_name: str | None = None) -> Source:
     """Read the mesh file at ``path``, or stdin if it is "-".
 
-    format_name: one of formats.FORMATS; by default the suffix tells, or else the first bytes do.
+    format_name: one of formats.FORMATS; by default the suffix tells, or else the first bytes do. mesh_name:
+    which mesh to read of a file with several.
     Raises InputError, which names the file and the cause, and UsageError for an unknown ``format_name``.
     """
     named = None if format_name is None else format_named(format_name)
@@ -26,7 +27,9 @@ def open_mesh(path: Path, format_name: str | None = None) -> Source:
         record = named or format_of(path, data)
         if record is None:
             raise InputError("neither its suffix nor its first bytes tell a format; name one")
-        return record.read(InputFile(data, None if path == STANDARD else path))
+        if mesh_name is not None and not record.named_meshes:
+            raise InputError(f"{record.name} files hold one mesh, which --mesh cannot choose")
+        return record.read(InputFile(data, None if path == STANDARD else path, mesh_name))
     except InputError as error:
         raise InputError(f"{'standard input' if path == STANDARD else path}: {error}") from error
 

@@ -13,7 +13,7 @@ import re
 import numpy as np
 
 from dvr_cli.errors import UsageError
-from dvr_cli.mesh.cell_types import topological_dimension
+from dvr_cli.mesh.cell_types import CELL_TYPES, topological_dimension
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.regions import region_names
 
@@ -26,7 +26,8 @@ def group_cells(mesh: Mesh, name: str) -> list[np.ndarray]:
     """The cells of the groups called ``name``: a boolean array for each block, all False for none.
 
     A name that several groups bear means all of them; a number that is no name means the groups with that
-    tag, of any dimension.
+    tag, of any dimension. The name of a cell type that is no name of a group means all cells of that type, of
+    any order.
     """
     alike = re.compile(re.escape(name) + r"( \(dim \d, tag -?\d+\))?")
     inside = [np.zeros(len(block.vertices), dtype=bool) for block in mesh.cells]
@@ -35,6 +36,10 @@ def group_cells(mesh: Mesh, name: str) -> list[np.ndarray]:
         mask[members] = True
     if not named and name not in _names(mesh) and _TAG.fullmatch(name):
         named = [(int(name), dimension) for dimension in range(4)]
+    if not named and name not in _names(mesh) and name in CELL_TYPES:
+        for block, mask in zip(mesh.cells, inside, strict=True):
+            linear = CELL_TYPES[block.type].linear if block.type in CELL_TYPES else None
+            mask |= name in (block.type, linear.name if linear else "")
     dimensions = [topological_dimension(block.type) for block in mesh.cells]
     for key in _tag_arrays(mesh):
         for tag, dimension in named:

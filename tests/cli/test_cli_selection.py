@@ -7,11 +7,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import meshio
 import numpy as np
 import pytest
 
 from cli_support import CORNERS, FAN, assert_one_line, fan, listing, points_of, read_json, write
 from dvr_cli.files.reading import open_mesh
+from meshes import random_mesh
 from needs import require
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
@@ -277,3 +279,17 @@ def test_regions_that_are_not_there(dvr, tmp_path):
     words = "no cells of a group and no cell data are called 'steel'; known: PartId"
     assert_one_line(done, 2, words)
     assert not (tmp_path / "out.vtk").exists()
+
+
+def test_cells_of_a_type_are_a_group(dvr, tmp_path):
+    """As physical groups are; a type that the mesh lacks is no group."""
+    mesh = random_mesh("mixed3d", 1)
+    types = sorted({block.type for block in mesh.cells})
+    assert len(types) > 1
+    source = tmp_path / "in.vtu"
+    meshio.write_points_cells(source, mesh.points, [(b.type, b.vertices) for b in mesh.cells])
+    for name in types:
+        fixed = np.unique(np.concatenate([b.vertices.ravel() for b in mesh.cells if b.type == name]))
+        moved = moved_by(dvr, source, tmp_path / "out.vtu", ["--fix", name])
+        assert not moved[fixed].any()
+    assert_one_line(dvr("smooth", source, tmp_path / "out.vtu", "--fix", "triangle"), 2, "'triangle'")

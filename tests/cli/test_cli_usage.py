@@ -319,11 +319,19 @@ def test_every_option_in_the_help_works(dvr, tmp_path, command, options):
         "report compare": [source, source],
     }[command]
     text = dvr(*command.split(), "--help").out
-    assert set(re.findall(r"^  (?:-\w, )?(--[\w-]+)", text, flags=re.MULTILINE)) == {*options, "--help"}
+    # --mesh is for files with several meshes, see the tests of MED
+    known = {*options, "--help", "--mesh"}
+    assert set(re.findall(r"^  (?:-\w, )?(--[\w-]+)", text, flags=re.MULTILINE)) == known
     for option, values in options.items():
         values = [value.format(folder=tmp_path) for value in values]
         result = dvr(*command.split(), option, *values, *paths)
         assert result.code == 0, (option, result.err)
+
+
+def test_a_mesh_cannot_be_chosen_where_there_is_one_only(dvr, tmp_path):
+    result = dvr("smooth", fan(tmp_path / "in.msh"), tmp_path / "out.msh", "--mesh", "a")
+    assert_one_line(result, 3, "in.msh", "--mesh")
+    assert not (tmp_path / "out.msh").exists()
 
 
 def test_the_orders_are_those_of_the_schedule(dvr, tmp_path):

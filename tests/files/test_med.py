@@ -15,6 +15,7 @@ from dvr_cli.cli.main import main
 from dvr_cli.errors import DvrError, InputError
 from dvr_cli.files import med
 from dvr_cli.files.med import MedSource
+from dvr_cli.files.reading import open_mesh
 from dvr_cli.files.source import InputFile
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from fuzz import COUNTS, mutated
@@ -177,23 +178,28 @@ def test_a_plane_mesh_has_two_coordinates(tmp_path):
     assert meshio.read(tmp_path / "x.med").points.tolist() == (points + 0.5).tolist()
 
 
-def test_one_of_several_meshes_is_chosen_by_name(boxes):
+def test_one_of_several_meshes_is_chosen_by_name(boxes, tmp_path):
     def copy(file):
         file.copy("ENS_MAA/two boxes", "ENS_MAA/another")
         (step,) = file["ENS_MAA/another"].values()
         step[COO][...] += 1
 
     data = changed(boxes, copy)
-    with pytest.raises(InputError, match=r"it holds 2 meshes, .* to be named: another, two boxes"):
+    with pytest.raises(InputError, match=r"it holds 2 meshes, .* to be named \(--mesh\): another, two boxes"):
         read(data)
     with pytest.raises(InputError, match="it has no mesh 'x'; there are: another, two boxes"):
         read(data, "x")
     source = read(data, "another")
     assert np.array_equal(source.mesh.points, read(boxes).mesh.points + 1)
     new = written(source, source.mesh.points + 1)
-    (path,) = differences(hdf5_objects(data), hdf5_objects(new))
-    assert path.startswith("/ENS_MAA/another/")
+    (changed_path,) = differences(hdf5_objects(data), hdf5_objects(new))
+    assert changed_path.startswith("/ENS_MAA/another/")
     assert source.unread[0] == "1 other mesh"
+    path = tmp_path / "two.med"
+    path.write_bytes(data)
+    assert np.array_equal(open_mesh(path, mesh_name="another").mesh.points, source.mesh.points)
+    with pytest.raises(InputError, match=r"two\.med: it holds 2 meshes.*--mesh"):
+        open_mesh(path)
 
 
 def test_all_time_steps_are_written(boxes):

@@ -64,7 +64,7 @@ def _chosen(names: list[str], wanted: str | None) -> str:
     if wanted is not None and wanted not in names:
         raise InputError(f"it has no mesh {wanted!r}; there are: {listed}")
     if wanted is None and len(names) > 1:
-        raise InputError(f"it holds {len(names)} meshes, one of which has to be named: {listed}")
+        raise InputError(f"it holds {len(names)} meshes, one of which has to be named (--mesh): {listed}")
     return wanted or names[0]
 
 
