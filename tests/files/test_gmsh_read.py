@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 
-from dvr_cli.errors import UsageError
+from dvr_cli.errors import InputError, UsageError
 from dvr_cli.files.gmsh import read
 from dvr_cli.mesh.cell_types import topological_dimension
 from dvr_cli.mesh.domain import domain_of
@@ -253,3 +253,36 @@ def test_mesh_without_elements():
     mesh = read(msh2(SQUARE, "0")).mesh
     assert (len(mesh.points), mesh.cells) == (4, [])
     assert all(values == [] for values in mesh.cell_data.values())
+
+
+def test_exponents_of_fortran(tmp_path):
+    """Some generators write 1.5D-3; what does not move keeps that spelling."""
+    text = b"""$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$Nodes
+5
+1 0D0 0.0D+00 0
+2 1.0D0 0 0
+3 10.0d-1 1 0
+4 0 1 0
+5 .7D0 .6D+0 0
+$EndNodes
+$Elements
+4
+1 2 2 0 1 1 2 5
+2 2 2 0 1 2 3 5
+3 2 2 0 1 3 4 5
+4 2 2 0 1 4 1 5
+$EndElements
+"""
+    source = read(text)
+    assert source.mesh.points[4].tolist() == [0.7, 0.6, 0.0]
+    assert source.mesh.points[2].tolist() == [1.0, 1.0, 0.0]
+    points = source.mesh.points.copy()
+    points[4] = [0.5, 0.25, 0.0]
+    output = io.BytesIO()
+    source.write(points, output)
+    assert output.getvalue() == text.replace(b".7D0 .6D+0", b"0.5 0.25")
+    with pytest.raises(InputError, match="not a number"):
+        read(text.replace(b".7D0", b".7X0"))

@@ -19,6 +19,8 @@ import numpy as np
 from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh.sections import Header, Section
 
+_FORTRAN = re.compile(rb"([0-9.])[dD]([+-]?[0-9])")  # an exponent of double precision
+
 
 class Numbers(ABC):
     """A reading position in the numbers of a section.
@@ -170,15 +172,20 @@ def read_numbers(data: bytes, section: Section, header: Header, dtype: type = np
 
 
 def parse(text: bytes, dtype: type, name: str) -> np.ndarray:
-    """The numbers in ``text``, separated by white space; InputError if there is anything else in it."""
+    """The numbers in ``text``, separated by white space; InputError if there is anything else in it.
+
+    The exponents of Fortran, as in 1.5D-3, are numbers, too.
+    """
     if not text or text.isspace():  # NumPy reads a number out of blanks
         return np.empty(0, dtype)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)  # how older NumPy reports stray text
-            return np.fromstring(text, dtype, sep=" ")
-    except (ValueError, DeprecationWarning):
-        raise InputError(f"section ${name} is damaged: it holds something that is not a number") from None
+    for spelled in (text, _FORTRAN.sub(rb"\1e\2", text)):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error", DeprecationWarning)  # how older NumPy reports stray text
+                return np.fromstring(spelled, dtype, sep=" ")
+        except (ValueError, DeprecationWarning):
+            continue
+    raise InputError(f"section ${name} is damaged: it holds something that is not a number")
 
 
 def is_blank(data: bytes, start: int, stop: int) -> bool:
