@@ -33,7 +33,8 @@ class Format:
     several: its meshes may be spread over several files. ``read`` then takes an InputFile, else bytes.
     named_meshes: a file may hold several meshes, of which one is chosen by name.
     converter: the module whose ``convert(mesh, unread)`` makes a Source of any mesh, to be written in this
-        format; None where files of other formats cannot be written in it.
+        format; None where files of other formats cannot be written in it, also because meshio writes what
+        no other program here can check.
     meshio: meshio's name for the format and the options its writer gets, where meshio converts.
     versions, regions, refused: what of it is read, what in it counts as regions, and what is refused by name,
         as the page about formats has it.
@@ -270,7 +271,7 @@ REGISTRY = (
         regions="element blocks",
         checked_by=("h5py", "meshio", "netCDF4"),
     ),
-    Format("h5m", (".h5m",)),
+    Format("h5m", (".h5m",), converter=None),
     Format(
         "avsucd",
         (".avs", ".inp"),
@@ -282,10 +283,10 @@ REGISTRY = (
         refused="binary files",
         checked_by=("vtk",),
     ),
-    Format("dolfin-xml", (".xml",)),
-    Format("flac3d", (".f3grid",)),
-    Format("hmf", (".hmf",)),
-    Format("mdpa", (".mdpa",)),
+    Format("dolfin-xml", (".xml",), converter=None),
+    Format("flac3d", (".f3grid",), converter=None),
+    Format("hmf", (".hmf",), converter=None),
+    Format("mdpa", (".mdpa",), converter=None),
     Format(
         "netgen",
         (".vol",),
@@ -295,7 +296,7 @@ REGISTRY = (
         regions="materials",
         refused="files of newer versions",
     ),
-    Format("permas", (".post",)),
+    Format("permas", (".post",), converter=None),
     Format(
         "unv",
         (".unv", ".uff"),
@@ -307,7 +308,7 @@ REGISTRY = (
         refused="local coordinate systems, elements in 71 and 780",
         checked_by=("gmsh",),
     ),
-    Format("ugrid", (".ugrid",)),
+    Format("ugrid", (".ugrid",), converter=None),
 )
 FORMATS = tuple(sorted(record.name for record in REGISTRY))
 
