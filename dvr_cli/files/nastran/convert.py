@@ -61,8 +61,11 @@ class ConvertedSource(Source):
 
     def stored(self, points: np.ndarray) -> np.ndarray:
         """The coordinates as columns of 16 hold them; what is not kept becomes ``notes``."""
-        self.notes = [*self.unread, *self._lost]
-        return self._deck.stored(_spatial(points))[:, : points.shape[1]]
+        kept = self._deck.stored(_spatial(points))[:, : points.shape[1]]
+        rounding = float(np.abs(kept - points).max(initial=0.0))
+        rounded = [f"coordinates are rounded, by up to {rounding:.2g}"] if rounding else []
+        self.notes = [*self.unread, *rounded, *self._lost]
+        return kept
 
 
 def convert(mesh: Mesh, unread: Sequence[str]) -> ConvertedSource:
