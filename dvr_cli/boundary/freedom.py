@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvr_cli.mesh.simplex import Components, dot
+
 _PERPENDICULAR = 1e-9  # length below which what a unit vector has in a line or plane is rounding
 
 
@@ -34,12 +36,11 @@ class Freedom:
         """The part of ``vectors`` (m, d), gradients or steps, that lies in the line or plane of each of
         ``vertices`` (m,): the orthogonal projection, zero for a vertex that stays.
         """
-        dimension, axis = self.dimension[vertices][:, None], self.axis[vertices]
-        along = (vectors * axis).sum(axis=1, keepdims=True) * axis
-        inside = np.where(dimension == 1, along, vectors - along)
-        return np.where(dimension > 0, inside, 0.0)
+        dimension = self.dimension[vertices]
+        inside = project(list(vectors.T), dimension == 1, list(self.axis[vertices].T))
+        return np.where(dimension[:, None] > 0, np.stack(inside, axis=1), 0.0)
 
-    def restrict(self, vectors: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    def directions(self, vectors: np.ndarray, vertices: np.ndarray) -> np.ndarray:
         """Directions (m, d), of unit length, along the part of unit ``vectors`` (m, d) that lies in the line
         or plane of each of ``vertices`` (m,); zero where there is no such part but rounding.
 
@@ -48,8 +49,7 @@ class Freedom:
         result = vectors.copy()
         held = np.flatnonzero(self.dimension[vertices] < vectors.shape[1])
         dimension, axis = self.dimension[vertices[held]][:, None], self.axis[vertices[held]]
-        along = (vectors[held] * axis).sum(axis=1, keepdims=True) * axis
-        inside = np.where(dimension == 1, along, vectors[held] - along)
+        inside = np.stack(project(list(vectors[held].T), dimension[:, 0] == 1, list(axis.T)), axis=1)
         inside[(inside * inside).sum(axis=1) < _PERPENDICULAR**2] = 0.0
         inside = unit(inside)
         # once more: what is left across a plane is rounding, relative to a part that may have been short
@@ -57,6 +57,16 @@ class Freedom:
         inside = np.where(dimension == 1, inside, unit(inside - across))
         result[held] = np.where(dimension > 0, inside, 0.0)
         return result
+
+
+def project(vectors: Components, on_line: np.ndarray, axis: Components) -> list[np.ndarray]:
+    """The part of vectors that lies in the line or plane of their vertices: d components of any one shape.
+
+    on_line: (n,) bool, whether a vertex moves along a line only; axis: d components (n,), the tangent of that
+    line or else the normal of the plane, zero where a vertex moves anywhere.
+    """
+    along = dot(vectors, axis)
+    return [np.where(on_line, along * a, g - along * a) for g, a in zip(vectors, axis, strict=True)]
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:

@@ -41,7 +41,7 @@ def restrict_field(field: DirectionField, freedom: Freedom) -> DirectionField:
         directions = field(sweep, points, vertices)
         if isinstance(directions, Ascent):  # the engine keeps to the problem's freedom
             return directions
-        return freedom.restrict(directions, vertices)
+        return freedom.directions(directions, vertices)
 
     return inside
 

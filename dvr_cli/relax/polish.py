@@ -18,11 +18,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dvr_cli.boundary.freedom import project
 from dvr_cli.mesh.simplex import Components, dot, opposite_normal, subtract
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.line import GAIN, ROUNDING, Lines, flatness
-from dvr_cli.relax.steepest import gradient, restrict
+from dvr_cli.relax.steepest import gradient
 
 SUM_GAIN = 1e-9  # relative fall of the sum below which a vertex stays where it is
 CLOSE = 1e-4  # relative length of the last Newton step
@@ -85,7 +86,7 @@ def mean_ascent(
     with np.errstate(all="ignore"):  # what is not finite is found at the end
         inverse = s * (1.0 / v if d == 2 else inverse_power(v))
         total = [_sum(inverse * g, real) for g in gradient(edges, normal, v, s, slope)]
-        total = total if within is None else restrict(total, within)
+        total = total if within is None else project(total, *within)
         length = dot(total, total)
         usable = (badness(v, s, d).max(axis=0) < np.inf) & (length > 0.0) & (length < np.inf)
         root = np.sqrt(length)

@@ -21,7 +21,7 @@ from dvr_cli.relax.columns_numba import (
 from dvr_cli.relax.line import GAIN, ROUNDING
 from dvr_cli.relax.line_numba import root, s_at, v_at, worst_corner
 from dvr_cli.relax.polish import CLOSE, CUBE_ROOT, INSIDE, MAX_CLIPS, MAX_STEPS, SUM_GAIN
-from dvr_cli.relax.steepest_numba import gradient, restrict
+from dvr_cli.relax.steepest_numba import gradient, project
 
 
 @compiled
@@ -94,7 +94,7 @@ def mean_directions(
                 here = inverse * scratch[GRADIENT + i, c]
                 scratch[GRADIENT + i, total] = here if c == 0 else scratch[GRADIENT + i, total] + here
         if len(axis):
-            restrict(on_line[ring], axis, ring, d, scratch, total)
+            project(on_line[ring], axis, ring, d, scratch, total)
         length = scratch[GRADIENT, total] * scratch[GRADIENT, total]
         for i in range(1, d):
             length = length + scratch[GRADIENT + i, total] * scratch[GRADIENT + i, total]

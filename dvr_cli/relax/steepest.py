@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvr_cli.boundary.freedom import project
 from dvr_cli.mesh.simplex import Components, dot, opposite_normal, subtract
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
@@ -63,7 +64,8 @@ def steepest(
     """Unit vectors along which the minimum quality of n rings grows fastest: d components (n,).
 
     x, ends, norm, slope: as for ``line.coefficients``. within: what the vertices are free to follow, see
-    ``restrict``. band: see Ascent. Zero where no direction makes all nearly worst corners better. Corners
+    ``freedom.project``. band: see Ascent. Zero where no direction makes all nearly worst corners better.
+    Corners
     that are not positive are the worst; the direction makes their determinants grow.
     """
     d = len(x)
@@ -78,7 +80,7 @@ def steepest(
         if (tangled := largest == np.inf).any():
             size = np.sqrt(dot(normal, normal))
             vectors = [np.where(tangled, n / size, g) for n, g in zip(normal, vectors, strict=True)]
-        vectors = vectors if within is None else restrict(vectors, within)
+        vectors = vectors if within is None else project(vectors, *within)
         active &= dot(vectors, vectors) < np.inf
         return _shortest_in_hull(vectors, active, now.argmax(axis=0))
 
@@ -99,17 +101,6 @@ def gradient(
             pull = pull + slope[j] * edges[j][i]
         result.append(normal[i] / v - d * pull / s)
     return result
-
-
-def restrict(vectors: Components, within: tuple[np.ndarray, Components]) -> list[np.ndarray]:
-    """The part of vectors that their vertices are free to follow.
-
-    within: whether each vertex moves along a line only, (n,) bool; and the tangent of that line or else the
-    normal of its plane, zero where it moves anywhere: d components (n,). See ``Freedom``.
-    """
-    on_line, axis = within
-    along = dot(vectors, axis)
-    return [np.where(on_line, along * a, g - along * a) for g, a in zip(vectors, axis, strict=True)]
 
 
 def _shortest_in_hull(vectors: Components, active: np.ndarray, initial: np.ndarray) -> list[np.ndarray]:

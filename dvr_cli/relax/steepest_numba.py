@@ -37,7 +37,7 @@ def steepest_directions(
 ) -> None:
     """Set the rows start .. stop of ``directions`` (m, d) to those of steepest ascent of their rings.
 
-    on_line, axis: (m,) and (m, d), see ``steepest.restrict``; empty where all vertices move anywhere.
+    on_line, axis: (m,) and (m, d), see ``freedom.project``; empty where all vertices move anywhere.
     The other arrays are as for ``relax_rings``.
     """
     scratch[SHAPE] = -1.0
@@ -57,7 +57,7 @@ def steepest_directions(
                 else:
                     _raising(c, d, scratch, count)
                 if len(axis):
-                    restrict(on_line[ring], axis, ring, d, scratch, count)
+                    project(on_line[ring], axis, ring, d, scratch, count)
                 if _size(scratch, count, d) < np.inf:
                     if c == worst:
                         initial = count
@@ -88,7 +88,7 @@ def _raising(c: int, d: int, scratch: np.ndarray, to: int) -> None:
 
 
 @inlined
-def restrict(on_line: bool, axis: np.ndarray, ring: int, d: int, scratch: np.ndarray, k: int) -> None:
+def project(on_line: bool, axis: np.ndarray, ring: int, d: int, scratch: np.ndarray, k: int) -> None:
     """Reduce the gradient in column k to the part that the ring's vertex is free to follow."""
     along = scratch[GRADIENT, k] * axis[ring, 0]
     for i in range(1, d):

@@ -103,7 +103,7 @@ class Engine(ABC):
         freedom = self.problem.freedom
         if freedom is not None:
             lo, hi = self.problem.batch_start[batch : batch + 2].tolist()
-            directions[lo:hi] = freedom.restrict(directions[lo:hi], np.arange(lo, hi))
+            directions[lo:hi] = freedom.directions(directions[lo:hi], np.arange(lo, hi))
         return directions
 
     @abstractmethod

@@ -64,7 +64,7 @@ class NumpyEngine(Engine):
         return sum(self._polish_chunk(chunk, directions, limit) for chunk in self._batches[batch])
 
     def _within(self, chunk: RingChunk) -> tuple[np.ndarray, list[np.ndarray]] | None:
-        """The lines and planes of the chunk's vertices, as ``steepest.restrict`` takes them."""
+        """The lines and planes of the chunk's vertices, as ``freedom.project`` takes them."""
         freedom = self.problem.freedom
         if freedom is None:
             return None

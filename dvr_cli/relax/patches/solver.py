@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dvr_cli.boundary.freedom import project
 from dvr_cli.mesh.simplex import cross, dot, edges_and_determinant
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
@@ -57,7 +58,7 @@ def solve_patch(
     for squarings in SQUARINGS[d - 2]:
         _minimise(energy, squarings)
     # the rounding of many steps has added up: back into the lines and planes, with that of one
-    moved = energy.within_freedom(energy.within_freedom(points[moving] - start))
+    moved = energy.inside(energy.inside(points[moving] - start))
     points[moving] = start + moved
     after = energy.badness().max()
     if improves(before, after, d):
@@ -88,7 +89,7 @@ class PatchEnergy:
         """
         self.points, self.moving = points, moving
         self._vertices = vertices
-        self._dimension, self._axis = dimension[moving][:, None], axis[moving]
+        self._on_line, self._axis = dimension[moving] == 1, axis[moving]
         self._norm = norm[shapes].T
         slots = slot[vertices]
         own = np.broadcast_to(slots[:, :1], slots[:, 1:].shape)
@@ -149,13 +150,11 @@ class PatchEnergy:
             part = np.stack([to_s * along[j][i] - to_v * normals[j][i] for j in range(d)], axis=1)
             both = np.stack([part, -part], axis=2).ravel()  # on the edge's end, and on the corner's vertex
             g[:, i] = np.bincount(slots, both, n + 1)[:n]
-        return self.within_freedom(g)
+        return self.inside(g)
 
-    def within_freedom(self, g: np.ndarray) -> np.ndarray:
+    def inside(self, g: np.ndarray) -> np.ndarray:
         """The part of each row of ``g`` that lies in its vertex's line or plane."""
-        along = dot(list(g.T), list(self._axis.T))[:, None] * self._axis
-        inside = np.where(self._dimension == 1, along, g - along)
-        return np.where(self._dimension == g.shape[1], g, inside)
+        return np.stack(project(list(g.T), self._on_line, list(self._axis.T)), axis=1)
 
 
 def _minimise(energy: PatchEnergy, squarings: int) -> None:

@@ -48,8 +48,8 @@ def solve_patch(
     moved = np.empty(len(start))
     _take(points, moving, moved)
     moved -= start
-    _restrict(moved, moving, dimension, axis)
-    _restrict(moved, moving, dimension, axis)
+    _project(moved, moving, dimension, axis)
+    _project(moved, moving, dimension, axis)
     _put(points, moving, start + moved)
     after = _badnesses(points, vertices, shapes, norm, bad)
     if improves(before, after, d):
@@ -143,8 +143,8 @@ def _put(points: np.ndarray, moving: np.ndarray, values: np.ndarray) -> None:
 
 
 @inlined
-def _restrict(g: np.ndarray, moving: np.ndarray, dimension: np.ndarray, axis: np.ndarray) -> None:
-    """See ``PatchEnergy.within_freedom``."""
+def _project(g: np.ndarray, moving: np.ndarray, dimension: np.ndarray, axis: np.ndarray) -> None:
+    """See ``PatchEnergy.inside``."""
     d = axis.shape[1]
     for i in range(len(moving)):
         vertex = moving[i]
@@ -294,4 +294,4 @@ def _gradient(
                     g[other * d + i] += part
                 if own >= 0:
                     g[own * d + i] -= part
-    _restrict(g, moving, dimension, axis)
+    _project(g, moving, dimension, axis)

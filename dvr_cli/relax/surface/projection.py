@@ -172,7 +172,7 @@ class Projection:
                 around[ahead != second] *= -1.0
             axis[rows] = unit(np.add.reduceat(around, start[:-1]))
         freedom = Freedom(np.where(curve, np.uint8(1), np.uint8(2)), axis)
-        return freedom.restrict(directions, np.arange(len(vertices)))
+        return freedom.directions(directions, np.arange(len(vertices)))
 
     def _projected(self, vertices: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The points (n, d) of the input nearest to the targets, and the simplices (n,) they are on."""
