@@ -354,7 +354,7 @@ TABLE = (
         "IN), or auto: ideal but for cells that are stretched like their neighbours, as in boundary layers; "
         "these are kept as they are.",
         RUNS,
-        variants={"morph": Variant(default="input")},
+        variants={"morph": Variant(default="input"), "untangle": Variant(default="ideal")},
         recorded=True,
     ),
     Option(

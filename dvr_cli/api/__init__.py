@@ -17,7 +17,7 @@ from dvr_cli.mesh.convert import as_mesh, from_meshio
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.region_choice import RegionChoice
-from dvr_cli.options import check_names
+from dvr_cli.options import check_names, default
 from dvr_cli.quality.measure import measure
 from dvr_cli.report.compare import Comparison, compare_qualities
 from dvr_cli.report.records import QualityReport, ShapeUse, SmoothReport, summarise
@@ -71,8 +71,9 @@ def untangle(
     >>> report.before.inverted, report.after.inverted
     (1, 0)
     """
-    check_names(options, ("boundary", "fix", "regions", "straighten", "time_limit"))
-    return _smooth(mesh, cells, SmoothOptions.of(options, untangle=True, max_iterations=0))
+    check_names(options, ("boundary", "fix", "regions", "straighten", "time_limit", "shape"))
+    given = {"shape": default("shape", "untangle"), **options}
+    return _smooth(mesh, cells, SmoothOptions.of(given, untangle=True, max_iterations=0))
 
 
 def _smooth(

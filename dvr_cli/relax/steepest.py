@@ -65,8 +65,7 @@ def steepest(
 
     x, ends, norm, slope: as for ``line.coefficients``. within: what the vertices are free to follow, see
     ``freedom.project``. band: see Ascent. Zero where no direction makes all nearly worst corners better.
-    Corners
-    that are not positive are the worst; the direction makes their determinants grow.
+    Corners that are not positive are the worst; the direction makes their determinants grow.
     """
     d = len(x)
     edges = [subtract(end, x) for end in ends]

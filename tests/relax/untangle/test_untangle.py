@@ -106,7 +106,7 @@ def test_hexagon_with_turned_boundary(rings, degrees, directions):
     """Paper, section 5.3, and further: all positive, and nearly equilateral after relaxation."""
     mesh = turned_hexagon(rings, degrees)
     points, report = dvr_cli.smooth(
-        mesh.points, cells_of(mesh), directions=directions, center=(0, 0), untangle=True
+        mesh.points, cells_of(mesh), directions=directions, center=(0, 0), untangle=True, shape="ideal"
     )
     assert report.before.inverted > 0
     assert report.after.inverted == 0
@@ -120,7 +120,13 @@ def test_relaxation_alone_repairs_the_hexagon_only_while_the_tangling_is_mild(ri
     """As in the paper, along the axes; with 20 rings 18 degrees are too much for any vertex to be first."""
     mesh = turned_hexagon(rings, 18)
     _, report = dvr_cli.smooth(
-        mesh.points, cells_of(mesh), directions="axis", target=0.951, tol=0, max_iterations=150
+        mesh.points,
+        cells_of(mesh),
+        directions="axis",
+        target=0.951,
+        tol=0,
+        max_iterations=150,
+        shape="ideal",  # what is sheared all alike looks deliberate
     )
     assert (report.after.inverted == 0) == mild
     assert (report.after.q1 > 0.95) == mild
@@ -241,7 +247,7 @@ def test_a_boundary_that_crosses_itself():
     assert left["elements"] == left["crossing"] == report.after.inverted > 0
     assert report.after.worst[0].quality == report.after.minimum < 0
     assert 0.0 < report.after.worst[0].centroid[0] < 1.0
-    _, smoothed = dvr_cli.smooth(mesh.points, cells_of(mesh), untangle=True)
+    _, smoothed = dvr_cli.smooth(mesh.points, cells_of(mesh), untangle=True, shape="ideal")
     assert 0 < smoothed.after.inverted <= report.after.inverted
 
 
@@ -298,14 +304,17 @@ def test_interrupting_leaves_the_best_mesh_reached(after):
 
 def test_the_time_limit_counts_for_both_stages():
     mesh = bump("quad", 40)
-    _, report = dvr_cli.smooth(mesh.points, cells_of(mesh), untangle=True, time_limit=0)
+    _, report = dvr_cli.smooth(mesh.points, cells_of(mesh), untangle=True, shape="ideal", time_limit=0)
     assert report.untangling.stopped_because == "interrupted"
     assert report.stopped_because == "time-limit"
     assert report.sweeps == []
 
 
 def test_untangling_alone_says_why_it_ended_early():
-    mesh, options = bump("triangle", 20), SmoothOptions(untangle=True, stopping=Stopping(max_iterations=0))
+    mesh, options = (
+        bump("triangle", 20),
+        SmoothOptions(untangle=True, shape="ideal", stopping=Stopping(max_iterations=0)),
+    )
     _, report = smooth_mesh(mesh, options, interrupted=lambda: True)
     assert report.stopped_because == "interrupted"
     assert "interrupted: the mesh reached by then was written" in smooth_text(report, "in", "out")
@@ -317,9 +326,9 @@ def test_untangling_alone_says_why_it_ended_early():
 def test_results_repeat_on_either_engine():
     mesh = tangled("hexahedron", 4, 2, 5)
     results = [
-        dvr_cli.smooth(mesh.points, cells_of(mesh), untangle=True, engine=engine, threads=threads)[
-            0
-        ].tobytes()
+        dvr_cli.smooth(
+            mesh.points, cells_of(mesh), untangle=True, shape="ideal", engine=engine, threads=threads
+        )[0].tobytes()
         for engine, threads in (("numpy", 1), ("numpy", 1), ("numba", 2))
     ]
     assert results[0] == results[1] == results[2]
