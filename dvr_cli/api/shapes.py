@@ -9,7 +9,7 @@ import numpy as np
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.stretching import coherent
-from dvr_cli.quality.targets import Targets, with_targets
+from dvr_cli.quality.targets import FORMED, Targets, with_targets
 
 
 @dataclass(frozen=True)
@@ -58,5 +58,5 @@ def with_targets_of(domain: Domain, before: Domain) -> Domain:
 def _own_shapes(domain: Domain) -> Targets | None:
     """Targets that are the own shapes of all positive cells, None if there are none."""
     quality = corner_qualities(domain.points, domain.corners, domain.backend)
-    positive = domain.corners.by_cell(np.minimum, quality) > 0
+    positive = domain.corners.by_cell(np.minimum, quality) > FORMED[domain.dimension]
     return Targets(positive.astype(np.float64), 1.0) if positive.any() else None

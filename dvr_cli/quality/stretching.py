@@ -18,7 +18,7 @@ from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.mesh.orientation import connected_parts
 from dvr_cli.mesh.simplex import chunks
 from dvr_cli.quality.mean_ratio import corner_qualities
-from dvr_cli.quality.targets import Targets
+from dvr_cli.quality.targets import FORMED, Targets
 
 SEED = 5.0  # aspect from which stretching is deliberate, averaged three times
 GROWN = 1.5  # aspect down to which it spreads, averaged twice
@@ -28,7 +28,7 @@ KEPT = 2.0  # aspect from which a cell's own shape is its target; in between it 
 def coherent(domain: Domain) -> Targets | None:
     """How near the target of each cell should be to its own shape, None where no stretching is coherent.
 
-    Cells that are inverted or degenerate have the ideal target.
+    Cells that are inverted or next to degenerate have the ideal target.
     """
     corners, points, backend = domain.corners, domain.points, domain.backend
     n_points = len(points)
@@ -37,7 +37,7 @@ def coherent(domain: Domain) -> Targets | None:
     cells = _Cells(corners, n_points, backend)
     # no average has a larger aspect than the average of what each corner's quality allows
     quality = corner_qualities(points, corners, backend)
-    positive = corners.by_cell(np.minimum, quality) > 0
+    positive = corners.by_cell(np.minimum, quality) > FORMED[domain.dimension]
     most = cells.thrice(cells.from_corners(_largest_log_aspect(quality, domain.dimension)))
     likely = np.flatnonzero(most >= bound)
     near = _near(corners, width, n_points, likely)

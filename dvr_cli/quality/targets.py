@@ -17,6 +17,9 @@ import numpy as np
 from dvr_cli.mesh.corners import ORIGIN_FIRST, Corners, shape_table
 from dvr_cli.mesh.simplex import chunks
 
+# By dimension, the quality above which a cell is no flatter than some 10⁶ : 1: its shape is well defined.
+FORMED = {2: 1e-6, 3: 1e-4}
+
 
 @dataclass(frozen=True)
 class Targets:
@@ -64,8 +67,10 @@ def with_targets(points: np.ndarray, corners: Corners, targets: Targets, still: 
 
 
 def gram_of_edges(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """(n, d, d) the products EᵀE of the edges of corners ``vertices`` (n, d+1)."""
+    """(n, d, d) the products EᵀE of the edges of corners ``vertices`` (n, d+1), in any scale."""
     edges = points[vertices[:, 1:]] - points[vertices[:, :1]]
+    largest = np.abs(edges).max(axis=(1, 2), keepdims=True)  # so that nothing over- or underflows
+    edges = edges / np.where(largest > 0, largest, 1.0)
     return np.einsum("nji,nki->njk", edges, edges)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dvr_cli.mesh.domain import domain_of
+from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.targets import Targets, with_targets
 from meshes import KINDS, random_mesh
@@ -92,3 +93,26 @@ def test_vertices_with_kept_cells_only_are_held():
     expected = np.ones(len(domain.points), dtype=bool)
     expected[domain.corners.vertices[0]] = False
     assert (held == expected).all()
+
+
+@pytest.mark.parametrize("scale", [1e-50, 1e-9, 1e45])
+def test_tiny_and_huge_cells_have_targets_too(scale):
+    domain = domain_of(random_mesh("tetra", 1))
+    domain = replace(domain, points=domain.points * scale)
+    corners = shaped(domain, np.full(len(domain.corners.start) - 1, 0.5))
+    plain = domain_of(random_mesh("tetra", 1))
+    same = shaped(plain, np.full(len(plain.corners.start) - 1, 0.5))
+    assert np.isfinite(corners.table.norm).all()
+    assert corners.table.norm == pytest.approx(same.table.norm, rel=1e-6)
+
+
+def test_flat_cells_are_no_targets():
+    """Nearly flat cells in numbers, beside each other: their shape has no inverse worth the name."""
+    from dvr_cli.api.shapes import shaped as shaped_by
+
+    mesh = random_mesh("tetra", 1)
+    for flatness in (0.0, 1e-18, 1e-9, 1e-5):
+        flat = Mesh(mesh.points * [1.0, 1.0, flatness], mesh.cells)
+        for shape in ("auto", "input"):
+            corners = shaped_by(domain_of(flat), shape).domain.corners
+            assert np.isfinite(corners.table.norm).all()

@@ -313,7 +313,7 @@ def test_auto_takes_numba_where_it_pays(monkeypatch):
     assert choice.choose_engine("auto", 100, 100).name == "numpy"
     assert choice.choose_engine("auto", 10**6, 100).name == "numba"
     assert choice.choose_engine("auto", 10**6, 0).name == "numpy"
-    monkeypatch.setattr(choice, "has_numba", lambda: False)
+    monkeypatch.setattr(choice, "find_spec", lambda package: None)
     assert choice.choose_engine("auto", 10**6, 100).name == "numpy"
     with pytest.raises(UsageError, match=r"dvr-cli\[fast\]"):
         choice.choose_engine("numba", 10, 10)
