@@ -63,7 +63,9 @@ def test_the_quality_vector_never_decreases(name):
         last = report.after.vector
 
 
-@pytest.mark.parametrize("name", ["torus-solid", "sphere-surface", "cylinder-surface"])
+@pytest.mark.parametrize(
+    "name", ["sphere-surface", "cylinder-surface", pytest.param("torus-solid", marks=pytest.mark.long)]
+)
 def test_a_tight_bound_is_kept_and_a_bound_of_nothing_moves_nothing(name):
     mesh = MESHES[name]()
     points, report = projected(mesh, 3, share=2e-3)
@@ -173,7 +175,7 @@ def test_mirrored_triangles_of_a_surface_make_no_difference():
 
 
 @pytest.mark.parametrize("name", ["cylinder-solid", "sphere-surface"])
-@pytest.mark.parametrize("order", ["coloured", "natural"])
+@pytest.mark.parametrize("order", ["coloured", pytest.param("natural", marks=pytest.mark.long)])
 def test_engines_and_threads_agree_to_the_bit(name, order):
     require("numba")
     mesh = MESHES[name]()

@@ -123,7 +123,13 @@ def test_nothing_kept_gives_the_bits_of_ideal(kind):
     assert report.plain is None
 
 
-@pytest.mark.parametrize("name", ["cylinder, quads", "aerofoil, triangles", "box, tetra, bump"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "cylinder, quads",
+        *(pytest.param(n, marks=pytest.mark.long) for n in ("aerofoil, triangles", "box, tetra, bump")),
+    ],
+)
 def test_engines_and_threads_give_the_same_bits(name):
     require("numba")
     options = {"directions": "steepest,random,optimal", "max_iterations": 3, "polish": True, "patches": True}

@@ -68,7 +68,9 @@ def test_diagrams_show_the_numbers_of_the_report(kind):
         ]
 
 
-@pytest.mark.parametrize("kind", ["triangle", "tetra", "mixed3d"])
+@pytest.mark.parametrize(
+    "kind", ["triangle", *(pytest.param(k, marks=pytest.mark.long) for k in ("tetra", "mixed3d"))]
+)
 def test_the_mean_over_the_sweeps_ends_at_that_of_the_result(kind):
     _, _, report = smoothed(kind)
     assert report.sweeps[-1]["elements_mean"] == report.after.mean
