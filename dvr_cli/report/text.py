@@ -69,7 +69,7 @@ def smooth_text(report: SmoothReport, source: str, output: str, width: int | Non
         *_note_lines(mesh, report.after),
     ]
     if tangled := report.after.inverted + report.after.degenerate:
-        remedy = "" if report.untangling else "; --untangle makes positive what can be, before all else"
+        remedy = "" if report.untangling else "; --untangle mends what it can"
         lines.append(f"note: {_count(tangled, 'inverted or degenerate element')} left{remedy}")
         lines += _tangled(report)
     return "\n".join([f"{source} -> {output}", *(wrap(lines, width) if width else lines)])
