@@ -112,7 +112,7 @@ def _near(corners: Corners, width: np.ndarray, n_points: int, cells: np.ndarray)
     chosen[cells] = True
     reached = np.zeros(n_points, dtype=bool)
     reached[corners.vertices[np.repeat(chosen, width)]] = True
-    reached = within_rings([corners.vertices], reached, 3)
+    reached = within_rings([corners.vertices], reached, 2)
     return corners.by_cell(np.logical_or, reached[corners.vertices].any(axis=1))
 
 
@@ -131,8 +131,12 @@ def _stretching(points: np.ndarray, corners: Corners, wanted: np.ndarray) -> np.
         vertices = corners.vertices[here]
         edges = points[vertices[:, 1:]] - points[vertices[:, :1]]  # Eᵀ
         a = np.einsum("nji,njk->nik", edges, inverse[corners.shapes[here, 0]])
-        vector, size, _ = np.linalg.svd(a, full_matrices=False)
-        log = -2.0 * np.log(np.maximum(size, 1e-150))
+        if space == corners.dimension:  # faster than singular values
+            size, vector = np.linalg.eigh(np.einsum("nik,njk->nij", a, a))
+            log = -np.log(np.maximum(size, 1e-300))
+        else:
+            vector, size, _ = np.linalg.svd(a, full_matrices=False)
+            log = -2.0 * np.log(np.maximum(size, 1e-150))
         log -= log.mean(axis=1, keepdims=True)
         tensor = np.einsum("nia,na,nja->nij", vector, log, vector)
         result[here, :space] = np.einsum("nii->ni", tensor)
