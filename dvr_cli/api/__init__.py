@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dvr_cli.api.boundary import usual_moves
 from dvr_cli.api.options import Names, SmoothOptions, check_known
-from dvr_cli.api.shapes import shaped, with_targets_of
+from dvr_cli.api.shapes import shaped
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.convert import as_mesh, from_meshio
@@ -138,17 +139,19 @@ def compare_meshes(meshes: Sequence[Mesh]) -> Comparison:
 def compare_domains(meshes: Sequence[Mesh], domains: Sequence[Domain]) -> Comparison:
     """As ``compare_meshes``, of meshes and their domains; relaxed are in all the vertices of the first."""
     same = same_connectivity(meshes)
+    shapes = [shaped(domain, "auto") for domain in domains]
     moves = [
-        usual_moves(mesh, domain, shaped(domain, "auto").held)
-        for mesh, domain in zip(meshes, domains, strict=True)
+        usual_moves(mesh, domain, own.held) for mesh, domain, own in zip(meshes, domains, shapes, strict=True)
     ]
-    own_shapes = [with_targets_of(domain, domains[0]) for domain in domains] if same else domains
     relaxed = [(moves[0] if same else own).relaxed for own in moves]
+    if same and shapes[0].kept:
+        corners = shapes[0].corners_free_to_move()
+        domains = [replace(domain, corners=corners) for domain in domains]
     reports = [
         QualityReport(
             summarise(mesh, domain, own.constraints), len(moving), measure(domain, mesh.points, moving)
         )
-        for mesh, domain, own, moving in zip(meshes, own_shapes, moves, relaxed, strict=True)
+        for mesh, domain, own, moving in zip(meshes, domains, moves, relaxed, strict=True)
     ]
     return compare_qualities(reports, same)
 

@@ -126,8 +126,9 @@ class Relaxer:
         if self.domain.is_surface:
             raise InputError("a surface in space cannot be followed; planar and volume meshes can")
         self.points = mesh.points.copy()
-        self._shaped = shaped(self.domain, options.shape).domain.corners
-        self._layers = shaped(self.domain, "ideal" if options.shape == "ideal" else "auto").held
+        shapes = shaped(self.domain, options.shape)
+        self._shaped = shapes.domain.corners
+        self._layers = (shaped(self.domain, "auto") if options.shape == "input" else shapes).held
         self.held = ~self.domain.interior
         self._carried = np.zeros(len(mesh.points), dtype=bool)
         if self.domain.mids is not None:
@@ -163,15 +164,13 @@ class Relaxer:
         points that leave the plane of a planar mesh.
         """
         points = self.points if points is None else self._as_points(points, "points")
-        keeps = displacement is not None
-        start, selected = points, None
+        start = points
         if displacement is not None:
             points = self.displace(start, start + self.shift(displacement))
-        if near is not None:
-            selected = self.near((points != self.points).any(axis=1), near)
-        if keeps:
+        selected = None if near is None else self.near((points != self.points).any(axis=1), near)
+        if displacement is not None:
             points = self.spread(start, points, selected)
-        moved, report = self.step(points, selected, keeps=keeps)
+        moved, report = self.step(points, selected, keeps=displacement is not None)
         self.points = moved.copy()
         return moved, report
 
@@ -206,11 +205,9 @@ class Relaxer:
         domain = self.domain
         given = self.held if selected is None else self.held | ~selected
         flat, moved = domain.flatten(before), domain.flatten(after)
-        spread_out = np.where(
-            given[:, None], moved, flat + spread(flat, domain.cells, np.asarray(moved - flat), given)
-        )
-        worst = [corner_qualities(np.ascontiguousarray(x), self._shaped).min() for x in (moved, spread_out)]
-        return domain.lift(after, spread_out) if worst[1] > worst[0] else after
+        along = np.where(given[:, None], moved, flat + spread(flat, domain.cells, moved - flat, given))
+        worst = [corner_qualities(x, self._shaped, domain.backend).min() for x in (moved, along)]
+        return domain.lift(after, along) if worst[1] > worst[0] else after
 
     def near(self, moved: np.ndarray, rings: int) -> np.ndarray:
         """(N,) bool: the vertices within that many rings of those marked in ``moved``."""
@@ -265,11 +262,10 @@ class Relaxer:
         return moved, RelaxReport(q1_before, q1_after, int(interior.sum()), outcome.sweeps, stopped_because)
 
     def _hold(self, domain: Domain) -> bool:
-        """Whether the cells of layers are still so near their shapes that their vertices can be left."""
+        """True if the cells of layers are still so near their shapes that their vertices need no relaxing."""
         inside = self._layers[domain.corners.vertices].any(axis=1)
-        return bool(
-            inside.any() and corner_qualities(domain.points, domain.corners.part(inside)).min() > _INTACT
-        )
+        quality = corner_qualities(domain.points, domain.corners.part(inside), domain.backend)
+        return bool(inside.any() and quality.min() > _INTACT)
 
     def _engine_for(self, moves: np.ndarray, corners: Corners) -> Engine:
         """The engine that relaxes the vertices marked in ``moves`` ((N,) bool): the last one if it does."""

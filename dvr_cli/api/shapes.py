@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.stretching import coherent
@@ -18,14 +19,30 @@ class Shaped:
 
     domain: the domain with these targets; plain: the same with ideal ones.
     held: (N,) bool, the vertices with kept cells only, which are not relaxed.
-    kept: how many cells are measured against their own shape. max_aspect: the largest aspect among them.
+    targets: how near they are to the cells' own shapes, None where all are ideal.
     """
 
     domain: Domain
     plain: Domain
     held: np.ndarray
-    kept: int = 0
-    max_aspect: float = 1.0
+    targets: Targets | None = None
+
+    @property
+    def kept(self) -> int:
+        """The number of cells that are measured against their own shape."""
+        return 0 if self.targets is None else int(self.targets.kept.sum())
+
+    @property
+    def max_aspect(self) -> float:
+        """The largest aspect among the cells that are kept, 1 where none is."""
+        return 1.0 if self.targets is None else self.targets.max_aspect
+
+    def corners_free_to_move(self) -> Corners:
+        """The corners with the same targets, formed also where no vertex is relaxed."""
+        if self.targets is None:
+            return self.plain.corners
+        nowhere = np.zeros_like(self.held)
+        return with_targets(self.plain.points, self.plain.corners, self.targets, nowhere)
 
 
 def shaped(domain: Domain, shape: str) -> Shaped:
@@ -42,17 +59,7 @@ def shaped(domain: Domain, shape: str) -> Shaped:
         return Shaped(domain, domain, nowhere)
     held = targets.held_vertices(domain.corners, len(domain.points)) if shape == "auto" else nowhere
     corners = with_targets(domain.points, domain.corners, targets, held)
-    kept = int(targets.kept.sum())
-    return Shaped(replace(domain, corners=corners), domain, held, kept, targets.max_aspect)
-
-
-def with_targets_of(domain: Domain, before: Domain) -> Domain:
-    """The domain measured against the coherent shapes of another one with the same cells and vertices."""
-    targets = coherent(before)
-    if targets is None:
-        return domain
-    nowhere = np.zeros(len(domain.points), dtype=bool)
-    return replace(domain, corners=with_targets(before.points, before.corners, targets, nowhere))
+    return Shaped(replace(domain, corners=corners), domain, held, targets)
 
 
 def _own_shapes(domain: Domain) -> Targets | None:

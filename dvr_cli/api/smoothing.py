@@ -114,7 +114,7 @@ def smooth_mesh(
     limited_by = None
     nothing_to_gain = shapes.kept and after.minimum >= _PERFECT
     if not nothing_to_gain and (run.stopped_because in _DONE or _is_capped(after)):
-        limited_by = _limit(mesh, domain, options, masks, relaxed, points, after)
+        limited_by = _limit(mesh, domain, options, masks, selected, relaxed, points, after)
     plain = None
     if shapes.kept:
         plain = measure(shapes.plain, mesh.points, relaxed), measure(shapes.plain, points, relaxed)
@@ -158,12 +158,15 @@ def _limit(
     domain: Domain,
     options: SmoothOptions,
     masks: dict[str, np.ndarray],
+    selected: np.ndarray,
     relaxed: np.ndarray,
     points: np.ndarray,
     after: Quality,
 ) -> Limit:
-    """The limit of Q1; masks: for each option of selection the vertices that it lets move, (N,) bool."""
-    selected = np.logical_and.reduce([mesh.unlinked, *masks.values()])
+    """The limit of Q1; masks: for each option of selection the vertices that it lets move, (N,) bool.
+
+    selected: (N,) bool, those that all of them and the shape leave to move. relaxed, after: as in the run.
+    """
     movable = relaxed
     if masks:
         movable = moves_of(mesh, domain, options.boundary, mesh.unlinked, options.feature_angle).relaxed

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.neighbours import within_rings
@@ -30,40 +29,38 @@ def coherent(domain: Domain) -> Targets | None:
 
     Cells that are inverted or next to degenerate have the ideal target.
     """
-    corners, points, backend = domain.corners, domain.points, domain.backend
-    n_points = len(points)
-    bound = np.log(SEED)
-    width = np.diff(corners.start)
-    cells = _Cells(corners, n_points, backend)
+    corners, points = domain.corners, domain.points
+    cells = _Cells(domain)
+    quality = corner_qualities(points, corners, domain.backend)
     # no average has a larger aspect than the average of what each corner's quality allows
-    quality = corner_qualities(points, corners, backend)
-    positive = corners.by_cell(np.minimum, quality) > FORMED[domain.dimension]
     most = cells.thrice(cells.from_corners(_largest_log_aspect(quality, domain.dimension)))
-    likely = np.flatnonzero(most >= bound)
-    near = _near(corners, width, n_points, likely)
-    stretching = cells.from_corners(_stretching(points, corners, near & positive))
-    seeds = np.zeros(len(width), dtype=bool)
-    seeds[likely] = _log_aspect(cells.thrice(stretching)[likely]) >= bound
-    if not seeds.any():
+    likely = np.flatnonzero(most >= np.log(SEED))
+    if not len(likely):
+        return None
+    positive = corners.by_cell(np.minimum, quality) > FORMED[domain.dimension]
+    stretching = cells.from_corners(_stretching(points, corners, cells.around(likely) & positive))
+    seeds = likely[_log_aspect(cells.thrice(stretching)[likely]) >= np.log(SEED)]
+    if not len(seeds):
         return None
     stretching = cells.from_corners(_stretching(points, corners, positive))
     log_aspect = _log_aspect(cells.averaged(cells.averaged(stretching)))
-    spread = _grown(corners, width, n_points, seeds, log_aspect >= np.log(GROWN))
+    spread = cells.grown(seeds, log_aspect >= np.log(GROWN))
     place = (log_aspect - np.log(GROWN)) / (np.log(KEPT) - np.log(GROWN))
     place = np.clip(place, 0.0, 1.0)
     share = np.where(spread & positive, place * place * (3.0 - 2.0 * place), 0.0)
     kept = share >= 1.0
     if not kept.any():
         return None
-    return Targets(share, float(np.exp(_log_aspect(stretching)[kept].max())))
+    return Targets(share, float(np.exp(_log_aspect(stretching[kept]).max())))
 
 
 class _Cells:
-    """The cells of a domain as rows of vertices, each vertex once."""
+    """The cells of a domain as neighbours of each other, through the vertices they share."""
 
-    def __init__(self, corners: Corners, n_points: int, backend: Backend = NUMPY) -> None:
-        self._corners, self._n_points, self._average = corners, n_points, backend.twin(averaged)
-        self._width = np.diff(corners.start)
+    def __init__(self, domain: Domain) -> None:
+        self._blocks, self._corners, self._n_points = domain.cells, domain.corners, len(domain.points)
+        self._average = domain.backend.twin(averaged)
+        self._width = np.diff(self._corners.start)
 
     def from_corners(self, values: np.ndarray) -> np.ndarray:
         """The mean over each cell's corners of values (C,) or (C, k)."""
@@ -79,6 +76,27 @@ class _Cells:
         rows = values.reshape(len(values), -1)
         result = self._average(rows, self._corners.vertices, self._corners.start, self._n_points)
         return result.reshape(values.shape)
+
+    def around(self, cells: np.ndarray) -> np.ndarray:
+        """(n,) bool: the cells that the third average in ``cells``, given by number, depends on."""
+        chosen = np.zeros(len(self._width), dtype=bool)
+        chosen[cells] = True
+        reached = np.zeros(self._n_points, dtype=bool)
+        reached[self._corners.vertices[np.repeat(chosen, self._width)]] = True
+        reached = within_rings([block.vertices for block in self._blocks], reached, 2)
+        return self._corners.by_cell(np.logical_or, reached[self._corners.vertices].any(axis=1))
+
+    def grown(self, seeds: np.ndarray, eligible: np.ndarray) -> np.ndarray:
+        """(n,) bool: the ``eligible`` cells ((n,) bool) that hang together with a seed, given by number."""
+        vertices, own = self._corners.vertices, self._corners.vertices[self._corners.start[:-1], 0]
+        joined = eligible.copy()
+        joined[seeds] = True
+        rows = vertices[np.repeat(joined, self._width)]
+        tail = np.repeat(rows[:, 0], rows.shape[1] - 1)
+        part = connected_parts(self._n_points, tail, rows[:, 1:].ravel())
+        with_seed = np.zeros(self._n_points, dtype=bool)
+        with_seed[part[own[seeds]]] = True
+        return joined & with_seed[part[own]]
 
 
 def averaged(values: np.ndarray, vertices: np.ndarray, start: np.ndarray, n_points: int) -> np.ndarray:
@@ -104,16 +122,6 @@ def _largest_log_aspect(quality: np.ndarray, dimension: int) -> np.ndarray:
     """(C,) ln α of corners of this quality at most: α + 1/α ≤ 2 Q^(-d/2), equal for d = 2; 0 if inverted."""
     power = np.clip(quality, 1e-100, 1.0) ** (-dimension / 2.0)
     return np.where(quality > 0, np.arccosh(power), 0.0)
-
-
-def _near(corners: Corners, width: np.ndarray, n_points: int, cells: np.ndarray) -> np.ndarray:
-    """(n,) bool: the cells whose stretching the third average in ``cells`` depends on."""
-    chosen = np.zeros(len(width), dtype=bool)
-    chosen[cells] = True
-    reached = np.zeros(n_points, dtype=bool)
-    reached[corners.vertices[np.repeat(chosen, width)]] = True
-    reached = within_rings([corners.vertices], reached, 2)
-    return corners.by_cell(np.logical_or, reached[corners.vertices].any(axis=1))
 
 
 def _stretching(points: np.ndarray, corners: Corners, wanted: np.ndarray) -> np.ndarray:
@@ -158,16 +166,3 @@ def _log_aspect(stretching: np.ndarray) -> np.ndarray:
         value = np.linalg.eigvalsh(tensor)
         result[chunk] = (value[:, -1] - value[:, 0]) / 2.0
     return result
-
-
-def _grown(
-    corners: Corners, width: np.ndarray, n_points: int, seeds: np.ndarray, eligible: np.ndarray
-) -> np.ndarray:
-    """(n,) bool: the eligible cells that hang together with a seed through common vertices."""
-    eligible = eligible | seeds
-    rows = corners.vertices[np.repeat(eligible, width)]
-    tail = np.repeat(rows[:, 0], rows.shape[1] - 1)
-    part = connected_parts(n_points, tail, rows[:, 1:].ravel())
-    with_seed = np.zeros(n_points, dtype=bool)
-    with_seed[part[corners.vertices[corners.start[:-1][seeds], 0]]] = True
-    return eligible & with_seed[part[corners.vertices[corners.start[:-1], 0]]]

@@ -116,7 +116,7 @@ def test_an_average_never_has_a_larger_aspect_than_its_parts():
     """The search skips meshes by this: the averaged bound is not below the averaged aspect."""
     domain = domain_of(random_mesh("tetra", 4))
     corners = domain.corners
-    cells = stretching._Cells(corners, len(domain.points))
+    cells = stretching._Cells(domain)
     every = np.ones(len(corners.start) - 1, dtype=bool)
     tensor = cells.from_corners(stretching._stretching(domain.points, corners, every))
     bound = cells.thrice(cells.from_corners(stretching._largest_log_aspect(_qualities(domain), 3)))
