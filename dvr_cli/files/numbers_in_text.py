@@ -196,6 +196,15 @@ class Rows:
         begin, end = self._text_starts[line : line + 2]
         return parse_numbers(self.text[begin:end].tobytes(), count, dtype)
 
+    def first_wrong(self, counts: np.ndarray, dtype: type | np.dtype) -> int:
+        """The first line that does not hold ``counts`` (n,) numbers, one count a line; the last if all do."""
+        for line, count in enumerate(counts.tolist()):
+            try:
+                self.line_numbers(line, count, dtype)
+            except ValueError:
+                return line
+        return len(counts) - 1
+
     def source_spans(self, lines: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Begin and end in the file of the tokens number ``columns`` of ``lines``, (lines, columns) each."""
         tokens = self.first[lines, None] + columns

@@ -7,13 +7,12 @@ Read with NumPy as a whole rather than line by line, and written back by replaci
 from __future__ import annotations
 
 import re
-from typing import BinaryIO
 
 import numpy as np
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.numbers_in_text import Rows, inside_spans, is_blank, shown, write_replaced
-from dvr_cli.files.source import Source, differing
+from dvr_cli.files.numbers_in_text import Rows, inside_spans, is_blank, shown
+from dvr_cli.files.patched_text import PatchedText
 from dvr_cli.files.vtk.cells import POLY_LINE, POLY_VERTEX, POLYGON, CellList, blocks_of, joined
 from dvr_cli.mesh.mesh import Mesh
 
@@ -31,25 +30,7 @@ _KEYWORD = re.compile(rb"[A-Za-z][A-Za-z0-9_]*")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
-class ObjSource(Source):
-    """An OBJ file, with the spans of bytes that hold its coordinates ((N, 3) starts and ends)."""
-
-    format = "obj"
-
-    def __init__(self, data: bytes, mesh: Mesh, starts: np.ndarray, ends: np.ndarray) -> None:
-        super().__init__()
-        self.mesh = mesh
-        self._data = data
-        self._starts = starts
-        self._ends = ends
-
-    def write(self, points: np.ndarray, file: BinaryIO) -> None:
-        """Write the file with the coordinates ``points`` ((N, 3))."""
-        changed = differing(points, self.mesh.points)
-        write_replaced(file, self._data, self._starts[changed], self._ends[changed], points[changed])
-
-
-def read(data: bytes) -> ObjSource:
+def read(data: bytes) -> PatchedText:
     """Read an OBJ file.
 
     Cells come in one block for each number of vertices: points (``p``), lines (``l``, taken apart into
@@ -79,7 +60,7 @@ def read(data: bytes) -> ObjSource:
     groups = [group[number] for number in numbers]
     sets = {name: [np.flatnonzero(np.isin(g, members)) for g in groups] for name, members in named.items()}
     mesh = Mesh(points, blocks, cell_data={"obj:group": groups}, cell_sets=sets)
-    source = ObjSource(data, mesh, starts, ends)
+    source = PatchedText("obj", data, mesh, starts, ends)
     source.unread = [f"{' and '.join(beyond)} are not kept"] if beyond else []
     return source
 
@@ -233,11 +214,7 @@ def _numbers(lines: _Lines, line: np.ndarray, rows: Rows, dtype: type) -> np.nda
     try:
         return rows.numbers(int(counts.sum()), dtype)
     except ValueError:
-        for i in range(len(line)):
-            try:
-                rows.line_numbers(i, int(counts[i]), dtype)
-            except ValueError:
-                break
+        i = rows.first_wrong(counts, dtype)
         raise InputError(
             f"line {lines.number(line[i])}: {shown(b' '.join(lines.words(line[i])))} is not valid"
         ) from None

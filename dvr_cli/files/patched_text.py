@@ -82,11 +82,7 @@ class TextLines:
         try:
             return rows.numbers(int(rows.counts.sum()) - blanked * len(rows.counts), dtype)
         except ValueError:
-            for line in range(len(rows.counts)):
-                try:
-                    rows.line_numbers(line, int(rows.counts[line]) - blanked, dtype)
-                except ValueError:
-                    break
+            line = rows.first_wrong(rows.counts - blanked, dtype)
             raise self.refusal(first + line, "not numbers of the kind that belongs here") from None
 
     def refusal(self, line: int, why: str) -> InputError:

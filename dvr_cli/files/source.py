@@ -106,3 +106,9 @@ class Source(ABC):
 def differing(points: np.ndarray, before: np.ndarray) -> np.ndarray:
     """The coordinates that differ in any bit (so -0.0 from 0.0) from those before: bool, of their shape."""
     return np.ascontiguousarray(points).view(np.int64) != np.ascontiguousarray(before).view(np.int64)
+
+
+def rounded(points: np.ndarray) -> np.ndarray:
+    """Coordinates as float32 holds them."""
+    with np.errstate(over="ignore"):
+        return points.astype(np.float32).astype(np.float64)

@@ -8,13 +8,13 @@ are. What else these programs write (.neigh, .smesh, .poly, ...) is neither read
 from __future__ import annotations
 
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.numbers_in_text import Rows, inside_spans, write_replaced
-from dvr_cli.files.source import InputFile, Source, differing
+from dvr_cli.files.numbers_in_text import Rows, inside_spans
+from dvr_cli.files.patched_text import PatchedText
+from dvr_cli.files.source import InputFile
 from dvr_cli.mesh.mesh import Cells, Mesh
 
 _MOST = 1 << 40  # larger counts can only come from damage
@@ -44,25 +44,14 @@ _FACETS = {
 _NEIGHBOURS = {".face": 2, ".edge": 1}  # columns with numbers of elements, which come last if at all
 
 
-class TetgenSource(Source):
+class TetgenSource(PatchedText):
     """Files of one mesh; ``write`` writes the .node file, those of ``beside`` (suffix -> bytes) go along."""
-
-    format = "tetgen"
 
     def __init__(
         self, node: bytes, beside: dict[str, bytes], mesh: Mesh, starts: np.ndarray, ends: np.ndarray
     ) -> None:
-        super().__init__()
-        self.mesh = mesh
-        self._node = node
+        super().__init__("tetgen", node, mesh, starts, ends)
         self._beside = beside
-        self._starts = starts
-        self._ends = ends
-
-    def write(self, points: np.ndarray, file: BinaryIO) -> None:
-        """Write the .node file with the coordinates ``points`` ((N, 2) or (N, 3))."""
-        changed = differing(points, self.mesh.points)
-        write_replaced(file, self._node, self._starts[changed], self._ends[changed], points[changed])
 
     @property
     def main(self) -> Path | None:

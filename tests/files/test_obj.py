@@ -12,7 +12,7 @@ import trimesh
 
 from dvr_cli.errors import InputError
 from dvr_cli.files import obj
-from dvr_cli.files.obj import ObjSource
+from dvr_cli.files.patched_text import PatchedText
 from fuzz import COUNTS, mutated
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.5 0.125\n"
@@ -64,11 +64,11 @@ FANS = {
 }
 
 
-def read(text: str) -> ObjSource:
+def read(text: str) -> PatchedText:
     return obj.read(text.encode())
 
 
-def written(source: ObjSource, points: np.ndarray) -> bytes:
+def written(source: PatchedText, points: np.ndarray) -> bytes:
     file = io.BytesIO()
     source.write(points, file)
     return file.getvalue()

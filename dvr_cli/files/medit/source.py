@@ -11,7 +11,7 @@ from dvr_cli.files.medit.convert import HOLDING, ConvertedMedit, named_binary
 from dvr_cli.files.medit.keywords import ELEMENTS
 from dvr_cli.files.medit.mesh import make_mesh
 from dvr_cli.files.medit.text import TextFile
-from dvr_cli.files.source import Source, differing
+from dvr_cli.files.source import Source, differing, rounded
 
 _BINARY = (b"\x01\x00\x00\x00", b"\x00\x00\x00\x01")
 _IN_MESH = frozenset({*ELEMENTS, "MeshVersionFormatted", "Dimension", "Vertices"})
@@ -52,8 +52,7 @@ class MeditSource(Source):
             return stored
         if not self._file.single:
             return points
-        with np.errstate(over="ignore"):
-            return points.astype(np.float32).astype(np.float64)
+        return rounded(points)
 
     def widened(self) -> MeditSource | None:
         """The same file in version 2, with float64; None if it has them, or sections that are not known."""

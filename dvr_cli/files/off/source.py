@@ -20,7 +20,7 @@ from dvr_cli.errors import InputError
 from dvr_cli.files.numbers_in_text import shown
 from dvr_cli.files.patched_text import PatchedText, TextLines
 from dvr_cli.files.records import Kind, Property, Records, items_of
-from dvr_cli.files.source import Source, differing
+from dvr_cli.files.source import Source, differing, rounded
 from dvr_cli.files.vtk.cells import POLY_LINE, POLY_VERTEX, POLYGON, CellList, blocks_of
 from dvr_cli.mesh.mesh import Mesh
 
@@ -56,8 +56,7 @@ class BinaryOff(Source):
 
     def stored(self, points: np.ndarray) -> np.ndarray:
         """The coordinates a reader of the output gets: rounded to float32."""
-        with np.errstate(over="ignore"):
-            return points.astype(np.float32).astype(np.float64)
+        return rounded(points)
 
 
 def read(data: bytes) -> Source:

@@ -11,7 +11,7 @@ from dvr_cli.errors import InputError
 from dvr_cli.files.numbers_in_text import write_replaced
 from dvr_cli.files.ply.header import Header, read_header
 from dvr_cli.files.records import Kind, Places, Records, items_of
-from dvr_cli.files.source import Source, differing
+from dvr_cli.files.source import Source, differing, rounded
 from dvr_cli.files.vtk.cells import LINE, POLYGON, CellList, blocks_of, joined
 from dvr_cli.mesh.mesh import Mesh
 
@@ -74,8 +74,7 @@ class PlySource(Source):
         single = [p.type == "f4" for p in self._properties]
         if not any(single):
             return points
-        with np.errstate(over="ignore"):
-            return np.where(single, points.astype(np.float32).astype(np.float64), points)
+        return np.where(single, rounded(points), points)
 
     def widened(self) -> PlySource | None:
         """The same file with coordinates of type double, for those that rounding would spoil."""

@@ -8,9 +8,9 @@ from typing import BinaryIO
 import numpy as np
 
 from dvr_cli.errors import OutputError
-from dvr_cli.files.source import Source
+from dvr_cli.files.source import Source, rounded
 from dvr_cli.files.stl.binary import FACET, HEADER
-from dvr_cli.files.stl.source import merged, normals_of, rounded
+from dvr_cli.files.stl.source import merged, normals_of
 from dvr_cli.mesh.groups import group_cells, topological_dimension
 from dvr_cli.mesh.mesh import Mesh
 

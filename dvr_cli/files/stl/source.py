@@ -12,7 +12,7 @@ from typing import BinaryIO
 import numpy as np
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.source import Source, differing
+from dvr_cli.files.source import Source, differing, rounded
 from dvr_cli.files.stl.binary import FACET, HEADER, BinaryStl, declared
 from dvr_cli.files.stl.text import TextStl
 from dvr_cli.mesh.mesh import Cells, Mesh
@@ -95,12 +95,6 @@ def normals_of(corners: np.ndarray) -> np.ndarray:
         normals = np.cross(b - a, c - a)
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         return np.divide(normals, length, out=np.zeros_like(normals), where=(length > 0) & (length < np.inf))
-
-
-def rounded(points: np.ndarray) -> np.ndarray:
-    """Coordinates as float32 holds them."""
-    with np.errstate(over="ignore"):
-        return points.astype(np.float32).astype(np.float64)
 
 
 def _mesh(file: TextStl | BinaryStl, points: np.ndarray, facets: np.ndarray, real: np.ndarray) -> Mesh:

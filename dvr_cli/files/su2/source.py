@@ -17,13 +17,13 @@ for free-form deformation, stays as it is.
 
 from __future__ import annotations
 
-from typing import BinaryIO, NamedTuple, NoReturn
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.numbers_in_text import Rows, inside_spans, shown, write_replaced
-from dvr_cli.files.source import Source, differing
+from dvr_cli.files.numbers_in_text import Rows, inside_spans, shown
+from dvr_cli.files.patched_text import PatchedText
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 
@@ -51,24 +51,6 @@ _MOST = 1 << 40  # larger counts can only come from damage
 _HELD = "FFD_SURFACE_POINTS"  # rows of a marker, a point and its place in the box
 
 
-class Su2Source(Source):
-    """An SU2 file, with the spans of bytes that hold its coordinates ((N, d) starts and ends)."""
-
-    format = "su2"
-
-    def __init__(self, data: bytes, mesh: Mesh, starts: np.ndarray, ends: np.ndarray) -> None:
-        super().__init__()
-        self.mesh = mesh
-        self._data = data
-        self._starts = starts
-        self._ends = ends
-
-    def write(self, points: np.ndarray, file: BinaryIO) -> None:
-        """Write the file with the coordinates ``points`` ((N, 2) or (N, 3))."""
-        changed = differing(points, self.mesh.points)
-        write_replaced(file, self._data, self._starts[changed], self._ends[changed], points[changed])
-
-
 class _Listed(NamedTuple):
     """The elements of one statement: VTK types (n,), rows of numbers of all, and where each row begins in it.
 
@@ -83,7 +65,7 @@ class _Listed(NamedTuple):
     marker: int
 
 
-def read(data: bytes) -> Su2Source:
+def read(data: bytes) -> PatchedText:
     """Read an SU2 file.
 
     Cells come in one block for each cell type; those of markers are in blocks of their own, in the cell data
@@ -117,7 +99,7 @@ class _File:
         self._count: int | None = None  # elements of the marker that SEND_TO interrupts
         self._others: list[str] = []
 
-    def source(self) -> Su2Source:
+    def source(self) -> PatchedText:
         """The file, read."""
         statements = list(self._statements())
         if not statements:
@@ -132,7 +114,7 @@ class _File:
         points = np.concatenate(self._points)
         mesh = self._mesh(points)
         starts, ends = (np.concatenate(parts) for parts in zip(*self._spans, strict=True))
-        source = Su2Source(self._data, mesh, starts, ends)
+        source = PatchedText("su2", self._data, mesh, starts, ends)
         names = dict.fromkeys(self._others)
         source.unread = [f"not kept: statements {', '.join(list(names)[:8])}"] if names else []
         return source
@@ -306,12 +288,7 @@ class _File:
         try:
             return rows.numbers(int(rows.counts.sum()), dtype)
         except ValueError:
-            for line in range(len(rows.counts)):
-                try:
-                    rows.line_numbers(line, int(rows.counts[line]), dtype)
-                except ValueError:
-                    break
-            self._refuse_row(rows, line, "not numbers")
+            self._refuse_row(rows, rows.first_wrong(rows.counts, dtype), "not numbers")
 
     def _number(self, at: int, keyword: str, value: bytes) -> int:
         """The first whole number of a statement's value; a second one may follow that counts halo points."""

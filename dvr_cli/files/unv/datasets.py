@@ -83,13 +83,9 @@ class UniversalFile:
         try:
             return rows.numbers(int(rows.counts.sum()), dtype)
         except ValueError:
-            for line in range(len(rows.counts)):
-                try:
-                    rows.line_numbers(line, int(rows.counts[line]), dtype)
-                except ValueError:
-                    break
+            line = rows.first_wrong(rows.counts, dtype)
             first, last = rows.source_spans(np.array([line]), np.array([0, rows.counts[line] - 1]))
-            words = self.data[int(first[0, 0]) : int(last[0, 1])] if line < len(rows.counts) else b""
+            words = self.data[int(first[0, 0]) : int(last[0, 1])]
             raise InputError(
                 f"{self.line_at(int(first[0, 0]))}: {shown(words)} is not what dataset {dataset.number} has"
             ) from None

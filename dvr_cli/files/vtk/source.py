@@ -11,7 +11,7 @@ from typing import BinaryIO
 import numpy as np
 
 from dvr_cli.files.numbers_in_text import parse_numbers, token_spans, write_replaced
-from dvr_cli.files.source import Source, differing
+from dvr_cli.files.source import Source, differing, rounded
 from dvr_cli.files.vtk.cells import blocks_of, structured_block
 from dvr_cli.files.vtk.data import read_data
 from dvr_cli.files.vtk.geometry import Geometry, PointsSection, read_geometry
@@ -60,8 +60,7 @@ class VtkSource(Source):
         """The coordinates a reader of the output gets: rounded to float32 where the file declares float."""
         if self._section.type_name != "float":
             return points
-        with np.errstate(over="ignore"):
-            return points.astype(np.float32).astype(np.float64)
+        return rounded(points)
 
     def widened(self) -> VtkSource | None:
         """The same file with its points stored as double, for coordinates that rounding would spoil."""
