@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
+
+from dvr_cli.errors import InputError
+from dvr_cli.files.source import Source
+from sources import cells_of, written
 
 # how many copies a test takes: some in every run, thousands in a long one
 COUNTS = (500, pytest.param(4000, marks=pytest.mark.long))
@@ -25,6 +29,38 @@ def mutated(files: list[bytes], count: int, seed: int) -> Iterator[bytes]:
             if data:
                 data = kinds[rng.integers(len(kinds))](data, rng)
         yield data
+
+
+def check_damaged(
+    files: list[bytes],
+    count: int,
+    seed: int,
+    read: Callable[[bytes], Source],
+    least: float,
+    exact: bool = False,
+) -> None:
+    """Damaged copies of the files are refused in one line, or read, and then come back whole and moved.
+
+    least: the part of the copies of which more have to be readable. exact: the format keeps every digit.
+    """
+    messages, read_well = [], 0
+    for data in mutated(files, count, seed):
+        try:
+            source = read(data)
+        except InputError as error:
+            messages.append(str(error))
+            continue
+        read_well += 1
+        mesh = source.mesh
+        assert written(source, mesh.points.copy()) == data
+        with np.errstate(all="ignore"):
+            points = mesh.points + 0.25
+        again = read(written(source, points)).mesh
+        assert np.array_equal(again.points, points if exact else source.stored(points), equal_nan=True)
+        assert cells_of(again) == cells_of(mesh)
+    assert read_well > least * count
+    assert len(messages) > count // 4
+    assert all(len(message) < 300 and message.isprintable() for message in messages)
 
 
 def _cut(data: bytes, rng: np.random.Generator) -> bytes:

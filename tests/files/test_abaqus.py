@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from pathlib import Path
 
@@ -21,16 +20,11 @@ from dvr_cli.files.writing import Output
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 from fuzz import COUNTS, mutated
+from sources import written
 
 
 def opened(text: str | bytes, path: Path | None = None) -> Source:
     return read(InputFile(text if isinstance(text, bytes) else text.encode(), path))
-
-
-def written(source: Source, points: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    source.write(points, file)
-    return file.getvalue()
 
 
 def nodes_of(text: bytes) -> list[list[tuple[int, float, float, float]]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 from typing import Any
 
@@ -14,24 +13,18 @@ from containers import differences, hdf5_objects
 from dvr_cli.cli.main import main
 from dvr_cli.errors import DvrError, InputError
 from dvr_cli.files import cgns as format_
-from dvr_cli.files.cgns import CgnsSource
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from fuzz import COUNTS, mutated
 from gmsh_cad import KINDS, nodes_by_gmsh, two_boxes, written_by_gmsh
 from meshes import random_mesh
 from needs import require
+from sources import written
 
 h5py = require("h5py")
 
 TETRA = random_mesh("tetra", 1, n=2)
 CELLS = TETRA.cells[0].vertices + 1
 QUADS = random_mesh("quad", 5, n=4)
-
-
-def written(source: CgnsSource, points: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    source.write(points, file)
-    return file.getvalue()
 
 
 def one_zone(*fill: Callable[[Any], None], real: str = "f8") -> bytes:

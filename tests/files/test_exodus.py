@@ -12,7 +12,6 @@ from containers import differences, netcdf_objects
 from dvr_cli.cli.main import main
 from dvr_cli.errors import DvrError, InputError, OutputError
 from dvr_cli.files import exodus
-from dvr_cli.files.exodus import ExodusSource
 from dvr_cli.files.formats import format_named
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
@@ -21,6 +20,7 @@ from exodus_corpus import exodus as exodus_file
 from fuzz import COUNTS, mutated
 from meshes import random_mesh
 from needs import require
+from sources import written
 
 require("h5py")
 require("netCDF4")
@@ -68,12 +68,6 @@ def one_element(name: str, **options) -> tuple[np.ndarray, bytes]:
     corners, around, _ = ELEMENTS[name]
     points = np.array([*corners, *(corners[list(c)].mean(axis=0) for c in around)])
     return points, exodus_file(points, [(name, np.arange(len(points))[None])], **options)
-
-
-def written(source: ExodusSource, points: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    source.write(points, file)
-    return file.getvalue()
 
 
 def coordinates(data: bytes) -> np.ndarray:

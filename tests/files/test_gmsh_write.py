@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 import re
 
 import numpy as np
 import pytest
 
-from dvr_cli.files.gmsh import GmshSource, read
+from dvr_cli.files.gmsh import read
 from gmsh_corpus import NAMES, account, corpus
+from sources import written
 
 ASCII = [name for name in NAMES if name.endswith("ascii")]
 PARAMETRIC = [name for name in NAMES if name.startswith("parametric")]
@@ -29,12 +29,6 @@ $Elements
 1 4 2 0 1 1 2 3 4
 $EndElements
 """
-
-
-def written(source: GmshSource, points: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    source.write(points, file)
-    return file.getvalue()
 
 
 def moved(points: np.ndarray) -> np.ndarray:

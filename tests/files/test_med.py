@@ -21,6 +21,7 @@ from dvr_cli.mesh.cell_types import CELL_TYPES
 from fuzz import COUNTS, mutated
 from gmsh_cad import KINDS, nodes_by_gmsh, two_boxes, written_by_gmsh
 from needs import require
+from sources import written
 
 h5py = require("h5py")
 COO = "NOE/COO"
@@ -28,12 +29,6 @@ COO = "NOE/COO"
 
 def read(data: bytes, mesh: str | None = None) -> MedSource:
     return med.read(InputFile(data, None, mesh))
-
-
-def written(source: MedSource, points: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    source.write(points, file)
-    return file.getvalue()
 
 
 def changed(data: bytes, change: Callable[[Any], None]) -> bytes:

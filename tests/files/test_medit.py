@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import itertools
 import re
 import struct
@@ -15,12 +14,12 @@ import pytest
 from dvr_cli.cli.main import main
 from dvr_cli.errors import InputError
 from dvr_cli.files import medit
-from dvr_cli.files.medit import MeditSource
 from dvr_cli.files.reading import open_mesh
 from dvr_cli.mesh.mesh import Cells, Mesh
 from fuzz import COUNTS, mutated
 from meshes import TETRAHEDRA, grid
 from needs import require, require_program
+from sources import written
 
 FAN = """MeshVersionFormatted 2
 Dimension 2
@@ -106,12 +105,6 @@ UNKNOWN = (333, [(1, 2, 3)])
 VERSIONS = [(version, order) for version in range(1, 5) for order in "<>"]
 BINARY = {f"{v}{order}": binary(v, order, 2, [*SECTIONS, UNKNOWN]) for v, order in VERSIONS}
 FILES = {"fan": FAN.encode(), "odd": ODD.encode(), **BINARY}
-
-
-def written(source: MeditSource, points: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    source.write(points, file)
-    return file.getvalue()
 
 
 def cells(mesh: Mesh) -> list[tuple]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from fuzz import COUNTS, mutated
 from needs import require
+from sources import cells_of, written
 
 # A deck with all that surrounds a mesh; vertex 5 is inside.
 DECK = b"""$ a plate
@@ -70,16 +70,6 @@ ENDDATA
 
 def opened(text: bytes):
     return read(InputFile(text, None))
-
-
-def written(source, points: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    source.write(points, file)
-    return file.getvalue()
-
-
-def cells_of(mesh):
-    return [(block.type, block.vertices.tolist()) for block in mesh.cells]
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ from dvr_cli.errors import InputError
 from dvr_cli.files import obj
 from dvr_cli.files.patched_text import PatchedText
 from fuzz import COUNTS, mutated
+from sources import written
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.5 0.125\n"
 FAN = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
@@ -66,12 +67,6 @@ FANS = {
 
 def read(text: str) -> PatchedText:
     return obj.read(text.encode())
-
-
-def written(source: PatchedText, points: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    source.write(points, file)
-    return file.getvalue()
 
 
 @pytest.mark.parametrize("name", FANS)

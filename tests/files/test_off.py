@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import struct
 from pathlib import Path
 
@@ -14,8 +13,9 @@ from dvr_cli.files.formats import format_of
 from dvr_cli.files.off import convert, read
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
-from fuzz import COUNTS, mutated
+from fuzz import COUNTS, check_damaged
 from needs import require
+from sources import cells_of, written
 
 POINTS = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [0.75, 1.25, 0], [3, 1, 0]]
 TEXT = b"""# a comment
@@ -47,16 +47,6 @@ BINARY += b"".join(struct.pack(">7f", *point, 1, 0, 0, 1) for point in POINTS)
 BINARY += struct.pack(">4ii3f", 3, 0, 1, 4, 3, 1, 0, 0)
 BINARY += struct.pack(">5ii", 4, 1, 2, 3, 4, 0) + struct.pack(">4ii", 3, 3, 0, 4, 0)
 FILES = {"text": TEXT, "coloured": COLOURED, "bare": BARE, "many": MANY, "binary": BINARY}
-
-
-def written(source, points: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    source.write(points, file)
-    return file.getvalue()
-
-
-def cells_of(mesh):
-    return [(block.type, block.vertices.tolist()) for block in mesh.cells]
 
 
 def read_by_gmsh(path: Path) -> tuple[np.ndarray, list[list[int]]]:
@@ -234,21 +224,4 @@ def test_refused_with_one_line_that_says_why(data, words):
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_damaged_files_raise_input_errors_only(count):
-    messages, read_well = [], 0
-    for data in mutated(list(FILES.values()), count, seed=43):
-        try:
-            source = read(data)
-        except InputError as error:
-            messages.append(str(error))
-            continue
-        read_well += 1
-        mesh = source.mesh
-        assert written(source, mesh.points.copy()) == data
-        with np.errstate(all="ignore"):
-            points = mesh.points + 0.25
-        again = read(written(source, points)).mesh
-        assert np.array_equal(again.points, source.stored(points), equal_nan=True)
-        assert cells_of(again) == cells_of(mesh)
-    assert read_well > 0.05 * count
-    assert len(messages) > count // 4
-    assert all(len(message) < 300 and message.isprintable() for message in messages)
+    check_damaged(list(FILES.values()), count, 43, read, least=0.05)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import struct
 from pathlib import Path
 
@@ -13,8 +12,9 @@ from dvr_cli.errors import InputError
 from dvr_cli.files.formats import format_of
 from dvr_cli.files.ply import read
 from dvr_cli.mesh.domain import domain_of
-from fuzz import COUNTS, mutated
+from fuzz import COUNTS, check_damaged
 from needs import require
+from sources import cells_of, written
 
 HEADER = """ply
 format {} 1.0
@@ -104,16 +104,6 @@ FILES = {
     "plain text": plain("int", "", ""),
     "strips": STRIPS,
 }
-
-
-def written(source, points: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    source.write(points, file)
-    return file.getvalue()
-
-
-def cells_of(mesh):
-    return [(block.type, block.vertices.tolist()) for block in mesh.cells]
 
 
 def read_by_vtk(path: Path) -> tuple[np.ndarray, list[list[int]]]:
@@ -282,21 +272,4 @@ def test_refused_with_one_line_that_says_why(data, words):
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_damaged_files_raise_input_errors_only(count):
-    messages, read_well = [], 0
-    for data in mutated(list(FILES.values()), count, seed=41):
-        try:
-            source = read(data)
-        except InputError as error:
-            messages.append(str(error))
-            continue
-        read_well += 1
-        mesh = source.mesh
-        assert written(source, mesh.points.copy()) == data
-        with np.errstate(all="ignore"):
-            points = mesh.points + 0.25
-        again = read(written(source, points)).mesh
-        assert np.array_equal(again.points, source.stored(points), equal_nan=True)
-        assert cells_of(again) == cells_of(mesh)
-    assert read_well > 0.02 * count
-    assert len(messages) > count // 4
-    assert all(len(message) < 300 and message.isprintable() for message in messages)
+    check_damaged(list(FILES.values()), count, 41, read, least=0.02)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import struct
 
 import numpy as np
@@ -13,10 +12,10 @@ from dvr_cli.cli.main import main
 from dvr_cli.errors import InputError
 from dvr_cli.files import stl
 from dvr_cli.files.reading import open_mesh
-from dvr_cli.files.stl import StlSource
 from dvr_cli.mesh.mesh import Cells, Mesh
 from fuzz import COUNTS, mutated
 from meshes import grid
+from sources import written
 
 # A square of four facets around (.8, .9), the left and the right two of which are solids.
 LEFT = """solid left  wall
@@ -81,12 +80,6 @@ FILES = {
     "binary": binary(b"made by hand", CORNERS, NORMALS, [0] * 5),
     "solid": binary(b"solid of a binary file\n facet", CORNERS, NORMALS, [3, 3, 0, 65535, 7]),
 }
-
-
-def written(source: StlSource, points: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    source.write(points, file)
-    return file.getvalue()
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import subprocess
 from pathlib import Path
 
@@ -14,10 +13,10 @@ from dvr_cli.cli.main import main
 from dvr_cli.errors import InputError
 from dvr_cli.files import tetgen
 from dvr_cli.files.reading import open_mesh
-from dvr_cli.files.tetgen import TetgenSource
 from fuzz import COUNTS, mutated
 from meshes import TETRAHEDRA, grid
 from needs import require_program
+from sources import written
 
 NODE = b"""# a cube's corner
   4  3  1  1   # counts
@@ -92,12 +91,6 @@ def from_zero(text: bytes) -> bytes:
 def files(name: str) -> tuple[bytes, dict[str, bytes]]:
     node, ele = PAIRS[name]
     return node, {".ele": ele}
-
-
-def written(source: TetgenSource, points: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    source.write(points, file)
-    return file.getvalue()
 
 
 def test_points_cells_and_data():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import tracemalloc
 
 import meshio
@@ -12,9 +11,9 @@ import pytest
 import vtk_corpus
 from dvr_cli.errors import InputError
 from dvr_cli.files import vtk
-from dvr_cli.files.vtk import VtkSource
 from fuzz import COUNTS, mutated
 from needs import require
+from sources import written
 from vtk_corpus import arrays, cells, coordinates, corpus, everything_but_coordinates, read_with_vtk
 
 FILES = sorted(corpus())
@@ -22,12 +21,6 @@ FILES = sorted(corpus())
 
 def files_named(*beginnings: str) -> list[str]:
     return [name for name in FILES if name.startswith(beginnings)]
-
-
-def written(source: VtkSource, points: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    source.write(points, file)
-    return file.getvalue()
 
 
 def moved(points: np.ndarray) -> np.ndarray:

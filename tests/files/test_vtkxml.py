@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from importlib import import_module
 
@@ -11,18 +10,13 @@ import pytest
 
 from dvr_cli.errors import InputError
 from fuzz import COUNTS, mutated
+from sources import written
 from vtk_corpus import arrays, cells, coordinates, everything_but_coordinates
 from vtkxml_corpus import NAMES, file, grid, module_of, points_blanked, read_with_vtk, write
 
 
 def read(data: bytes):
     return import_module(f"dvr_cli.files.vtkxml.{module_of(data)}").read(data)
-
-
-def written(source, points: np.ndarray) -> bytes:
-    output = io.BytesIO()
-    source.write(points, output)
-    return output.getvalue()
 
 
 def moved(points: np.ndarray) -> np.ndarray:
