@@ -63,7 +63,7 @@ def untangle(
     mesh, cells, and what is returned and raised: as for ``smooth``, whose ``untangle`` does the same before
     relaxing. Only vertices near inverted elements move; the result never has more inverted elements than the
     input, and a mesh without any comes back as it is. options: boundary, fix, regions,
-    straighten, time_limit.
+    shape, straighten, time_limit.
 
     >>> import numpy as np, dvr_cli
     >>> points = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [1.5, 0.9]])
@@ -72,7 +72,7 @@ def untangle(
     >>> report.before.inverted, report.after.inverted
     (1, 0)
     """
-    check_names(options, ("boundary", "fix", "regions", "straighten", "time_limit", "shape"))
+    check_names(options, ("boundary", "fix", "regions", "shape", "straighten", "time_limit"))
     given = {"shape": default("shape", "untangle"), **options}
     return _smooth(mesh, cells, SmoothOptions.of(given, untangle=True, max_iterations=0))
 

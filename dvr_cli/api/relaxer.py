@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,7 +29,7 @@ from dvr_cli.quality.measure import measure
 from dvr_cli.relax.directions import direction_field, restrict_field
 from dvr_cli.relax.engines.choice import choose_engine
 from dvr_cli.relax.engines.engine import Engine
-from dvr_cli.relax.harmonic import spread
+from dvr_cli.relax.harmonic import edges_of, spread
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import StopReason
 from dvr_cli.relax.sweeps import Sweep, relax
@@ -205,9 +206,14 @@ class Relaxer:
         domain = self.domain
         given = self.held if selected is None else self.held | ~selected
         flat, moved = domain.flatten(before), domain.flatten(after)
-        along = np.where(given[:, None], moved, flat + spread(flat, domain.cells, moved - flat, given))
+        along = np.where(given[:, None], moved, flat + spread(flat, self._edges, moved - flat, given))
         worst = [corner_qualities(x, self._shaped, domain.backend).min() for x in (moved, along)]
         return domain.lift(after, along) if worst[1] > worst[0] else after
+
+    @cached_property
+    def _edges(self) -> np.ndarray:
+        """(E, 2) the edges of the cells, along which displacements are spread."""
+        return edges_of(self.domain.cells, len(self.points))
 
     def near(self, moved: np.ndarray, rings: int) -> np.ndarray:
         """(N,) bool: the vertices within that many rings of those marked in ``moved``."""

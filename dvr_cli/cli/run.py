@@ -47,13 +47,9 @@ def run(
     from dvr_cli.report.export import as_csv, as_json
     from dvr_cli.report.text import gate_failure, smooth_text
 
-    report, plot, fail_below = given["report"], given["plot"], given["fail_below"]
-    no_report, quality_field, output_format = (
-        given["no_report"],
-        given["quality_field"],
-        given["output_format"],
-    )
-    quiet, verbose = given["quiet"], given.get("verbose", False)
+    report, no_report, plot = given["report"], given["no_report"], given["plot"]
+    output_format, quality_field = given["output_format"], given["quality_field"]
+    fail_below, quiet, verbose = given["fail_below"], given["quiet"], given.get("verbose", False)
     if quiet and verbose:
         raise UsageError("--quiet and --verbose exclude each other")
     if report is not None and no_report:

@@ -18,13 +18,19 @@ PRECISION = 1e-8  # of the residual, relative to that at the beginning
 MAX_STEPS = 2000
 
 
-def spread(points: np.ndarray, blocks: list[Cells], shift: np.ndarray, given: np.ndarray) -> np.ndarray:
-    """(N, D) ``shift`` at the vertices marked in ``given`` ((N,) bool), harmonic at the others of the cells.
-
-    points: (N, D); blocks: linear cells; shift: (N, D), of which other rows are not looked at.
-    """
+def edges_of(blocks: list[Cells], n_points: int) -> np.ndarray:
+    """(E, 2) the edges of linear cells, each once, ascending."""
     pairs = [block.vertices[:, list(edge)] for block in blocks for edge in CELL_TYPES[block.type].edges]
-    tail, head = np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0).T
+    tail, head = np.sort(np.concatenate(pairs), axis=1).astype(np.int64).T
+    return np.stack(np.divmod(np.unique(tail * n_points + head), n_points), axis=1)
+
+
+def spread(points: np.ndarray, edges: np.ndarray, shift: np.ndarray, given: np.ndarray) -> np.ndarray:
+    """(N, D) ``shift`` at the vertices marked in ``given`` ((N,) bool), harmonic at the others with an edge.
+
+    points: (N, D); edges: (E, 2); shift: (N, D), of which other rows are not looked at.
+    """
+    tail, head = edges.T
     length = ((points[tail] - points[head]) ** 2).sum(axis=1)
     weight = 1.0 / np.maximum(length, 1e-30 * length.max(initial=1.0))
     n = len(points)
