@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dvr_cli.errors import InputError
+from dvr_cli.files.node_orders import UPRIGHT_BEFORE_UPPER
 
 # number: meshio's name
 TYPES = {
@@ -28,14 +29,11 @@ TYPES = {
 }
 MIXED = 20
 _UNSUPPORTED = {22: "polygons (NGON_n)", 23: "polyhedra (NFACE_n)"}
-_HEXAHEDRON20 = (*range(12), 16, 17, 18, 19, 12, 13, 14, 15)
-_WEDGE15 = (*range(9), 12, 13, 14, 9, 10, 11)
 # meshio's type: the place in CGNS of each node in meshio's order, where these differ
 NODE_ORDER: dict[str, tuple[int, ...]] = {
-    "hexahedron20": _HEXAHEDRON20,
-    "hexahedron27": (*_HEXAHEDRON20, 24, 22, 21, 23, 20, 25, 26),
-    "wedge15": _WEDGE15,
-    "wedge18": (*_WEDGE15, 15, 16, 17),
+    **UPRIGHT_BEFORE_UPPER,
+    "hexahedron27": (*UPRIGHT_BEFORE_UPPER["hexahedron20"], 24, 22, 21, 23, 20, 25, 26),
+    "wedge18": (*UPRIGHT_BEFORE_UPPER["wedge15"], 15, 16, 17),
 }
 
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dvr_cli.errors import InputError
+from dvr_cli.files.node_orders import UPRIGHT_BEFORE_UPPER
 
 # The first three letters of a name: its family. Their order within Exodus's own library is the same test.
 _FAMILIES = {
@@ -72,14 +73,11 @@ _TYPES = {
     ("pyramid", 13): "pyramid13",
     ("pyramid", 14): "pyramid14",
 }
-_HEXAHEDRON20 = (*range(12), 16, 17, 18, 19, 12, 13, 14, 15)
-_WEDGE15 = (*range(9), 12, 13, 14, 9, 10, 11)
 # meshio's type: the place in Exodus of each node in meshio's order, where these differ
 NODE_ORDER: dict[str, tuple[int, ...]] = {
-    "hexahedron20": _HEXAHEDRON20,
-    "hexahedron27": (*_HEXAHEDRON20, 23, 24, 25, 26, 21, 22, 20),
-    "wedge15": _WEDGE15,
-    "wedge18": (*_WEDGE15, 15, 16, 17),
+    **UPRIGHT_BEFORE_UPPER,
+    "hexahedron27": (*UPRIGHT_BEFORE_UPPER["hexahedron20"], 23, 24, 25, 26, 21, 22, 20),
+    "wedge18": (*UPRIGHT_BEFORE_UPPER["wedge15"], 15, 16, 17),
 }
 _EDGES_3 = ((0, 1), (1, 2), (2, 0))
 _EDGES_4 = ((0, 1), (1, 2), (2, 3), (3, 0))

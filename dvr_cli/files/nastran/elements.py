@@ -13,6 +13,7 @@ import numpy as np
 from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh.tags import TagIndex
 from dvr_cli.files.nastran.cards import Deck, Fields
+from dvr_cli.files.node_orders import UPRIGHT_BEFORE_UPPER
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells
 
@@ -41,7 +42,6 @@ _QUAD9 = Kind(2, (*_QUAD8.shapes, ("quad9", _first(9))))
 _PYRAMID = Kind(2, (("pyramid", _first(5)), ("pyramid13", _first(13))))
 _LINE = Kind(2, (("line", _first(2)),))
 
-# Nastran lists the upright edges of wedges and hexahedra before the upper ones, meshio behind them.
 KINDS = {
     **dict.fromkeys((b"CTRIA3", b"CTRIAR", b"CTRAX3", b"CPLSTN3", b"CPLSTS3"), _TRIANGLE),
     **dict.fromkeys((b"CQUAD4", b"CQUADR", b"CSHEAR", b"CQUADX4", b"CPLSTN4", b"CPLSTS4"), _QUAD),
@@ -50,10 +50,8 @@ KINDS = {
     **dict.fromkeys((b"CQUAD", b"CQUADX"), _QUAD9),
     b"CTRIAX6": Kind(2, (("triangle", (0, 2, 4)), ("triangle6", (0, 2, 4, 1, 3, 5)))),
     b"CTETRA": Kind(2, (("tetra", _first(4)), ("tetra10", _first(10)))),
-    b"CPENTA": Kind(2, (("wedge", _first(6)), ("wedge15", (*range(9), *range(12, 15), *range(9, 12))))),
-    b"CHEXA": Kind(
-        2, (("hexahedron", _first(8)), ("hexahedron20", (*range(12), *range(16, 20), *range(12, 16))))
-    ),
+    b"CPENTA": Kind(2, (("wedge", _first(6)), ("wedge15", UPRIGHT_BEFORE_UPPER["wedge15"]))),
+    b"CHEXA": Kind(2, (("hexahedron", _first(8)), ("hexahedron20", UPRIGHT_BEFORE_UPPER["hexahedron20"]))),
     **dict.fromkeys((b"CPYRAM", b"CPYRA"), _PYRAMID),
     **dict.fromkeys((b"CBAR", b"CBEAM", b"CROD", b"CTUBE", b"CVISC", b"CBEND"), _LINE),
     b"CBEAM3": Kind(2, (("line", _first(2)), ("line3", _first(3)))),
