@@ -11,6 +11,7 @@ from scipy.spatial import Delaunay
 
 from dvr_cli.files import gmsh as reader
 from dvr_cli.mesh.mesh import Cells, Mesh
+from gmsh_session import gmsh_session
 
 # how Gmsh's kernel makes each, and the size of its elements
 PARTS = {
@@ -90,15 +91,8 @@ def apart(before: np.ndarray, after: np.ndarray, simplices: np.ndarray) -> float
 
 
 def _meshed(name: str, dimension: int) -> Mesh:
-    import gmsh
-
     build, size = PARTS[name]
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.MeshSizeMin", size)
-        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-        gmsh.option.setNumber("Mesh.Optimize", 0)
+    with gmsh_session(Mesh_MeshSizeMin=size, Mesh_MeshSizeMax=size, Mesh_Optimize=0) as gmsh:
         build(gmsh.model.occ)
         gmsh.model.occ.synchronize()
         gmsh.model.mesh.generate(dimension)
@@ -106,8 +100,6 @@ def _meshed(name: str, dimension: int) -> Mesh:
             path = Path(folder) / "part.msh"
             gmsh.write(str(path))
             return reader.read(path.read_bytes()).mesh
-    finally:
-        gmsh.finalize()
 
 
 def _only(mesh: Mesh, kind: str) -> Mesh:

@@ -9,6 +9,7 @@ import gmsh
 import numpy as np
 
 from dvr_cli.mesh.mesh import Cells, Mesh
+from gmsh_session import gmsh_session
 
 _TYPES = {2: ("triangle", 3), 3: ("quad", 4), 4: ("tetra", 4), 5: ("hexahedron", 8), 6: ("wedge", 6)}
 
@@ -37,7 +38,7 @@ def around_aerofoil(height: float = 0.001, quads: bool = True) -> Mesh:
 
 def extruded(kind: str, height: float = 1 / 300, bump: bool = False) -> Mesh:
     """A box whose floor, flat or with a bump, carries layers of "wedge", "hexahedron" or "tetra" cells."""
-    with _session():
+    with gmsh_session():
         occ = gmsh.model.occ
         floor = occ.addRectangle(0, 0, 0, 1, 1)
         occ.synchronize()
@@ -63,19 +64,8 @@ def extruded(kind: str, height: float = 1 / 300, bump: bool = False) -> Mesh:
     return mesh
 
 
-class _session:
-    """Gmsh, quiet, with a model of its own."""
-
-    def __enter__(self) -> None:
-        gmsh.initialize(interruptible=False)
-        gmsh.option.setNumber("General.Terminal", 0)
-
-    def __exit__(self, *_: object) -> None:
-        gmsh.finalize()
-
-
 def _planar(body: Callable[[], list[int]], height: float, quads: bool) -> Mesh:
-    with _session():
+    with gmsh_session():
         occ = gmsh.model.occ
         square = occ.addRectangle(-2, -2, 0, 4, 4)
         tags = body()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from dvr_cli.files import gmsh as reader
 from dvr_cli.mesh.mesh import Mesh
+from gmsh_session import gmsh_session
 
 
 def _cube(model):
@@ -130,15 +131,8 @@ PARTS = {
 @cache
 def part(name: str, order: int = 1, quads: bool = False) -> Mesh:
     """The part called ``name`` as Gmsh meshes it; quads: recombine triangles."""
-    import gmsh
-
     build, dimension, size, opening = PARTS[name]
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.MeshSizeMin", size)
-        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-        gmsh.option.setNumber("Mesh.RecombineAll", int(quads))
+    with gmsh_session(Mesh_MeshSizeMin=size, Mesh_MeshSizeMax=size, Mesh_RecombineAll=int(quads)) as gmsh:
         build(gmsh.model)
         gmsh.model.mesh.generate(dimension)
         gmsh.model.mesh.setOrder(order)
@@ -151,5 +145,3 @@ def part(name: str, order: int = 1, quads: bool = False) -> Mesh:
             path = Path(folder) / "part.msh"
             gmsh.write(str(path))
             return reader.read(path.read_bytes()).mesh
-    finally:
-        gmsh.finalize()

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import meshio
 import numpy as np
@@ -13,31 +10,18 @@ import pytest
 
 from cli_support import CORNERS, FAN, assert_one_line, fan, listing, points_of, read_json, write
 from dvr_cli.files.reading import open_mesh
+from gmsh_session import gmsh_session
 from meshes import random_mesh
-from needs import require
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 VARIANTS = [(2.2, 0), (2.2, 1), (4.1, 0), (4.1, 1)]
 SWEEPS = ["-n", "3", "-q"]
 
 
-@contextmanager
-def gmsh_model() -> Iterator[Any]:
-    require("gmsh")
-    import gmsh
-
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        yield gmsh
-    finally:
-        gmsh.finalize()
-
-
 def two_halves(path: Path, version: float, binary: int, periodic: bool = False) -> dict[str, np.ndarray]:
     """A rectangle of two squares, 11 "left" and 12 "right", 5 "rim" around both; returns the coordinates of
     the nodes of each group by name and by tag, and of those that are tied to others, as Gmsh tells."""
-    with gmsh_model() as gmsh:
+    with gmsh_session() as gmsh:
         left, right = (gmsh.model.occ.addRectangle(x, 0, 0, 1, 1) for x in (0, 1))
         gmsh.model.occ.fragment([(2, left)], [(2, right)])
         gmsh.model.occ.synchronize()

@@ -1,12 +1,15 @@
-"""Meshes that Gmsh makes and writes in formats of others, and the nodes it finds in a file."""
+"""Meshes that Gmsh makes and writes in formats of others, and where the nodes of a file must be."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
-from needs import require
+from dvr_cli.mesh.cell_types import CELL_TYPES
+from dvr_cli.mesh.mesh import Mesh
+from gmsh_session import gmsh_session, opened_by_gmsh
 
 # kind of mesh: how it is made, its order, whether second-order cells have no nodes on faces and inside
 KINDS = {
@@ -27,12 +30,7 @@ KINDS = {
 def written_by_gmsh(kind: str, path: Path) -> bytes:
     """A mesh of one of KINDS in the format of the suffix of ``path``."""
     made, order, incomplete = KINDS[kind]
-    gmsh = require("gmsh")
-    gmsh.initialize()
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.SecondOrderIncomplete", int(incomplete))
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.8)
+    with gmsh_session(Mesh_SecondOrderIncomplete=int(incomplete), Mesh_MeshSizeMax=0.8) as gmsh:
         gmsh.model.add(kind)
         if made == "pyramid":
             volume = gmsh.model.addDiscreteEntity(3)
@@ -54,9 +52,17 @@ def written_by_gmsh(kind: str, path: Path) -> bytes:
             gmsh.model.mesh.generate(3)
         gmsh.model.mesh.setOrder(order)
         gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
     return path.read_bytes()
+
+
+def into_hexahedra(gmsh: ModuleType, box: int) -> None:
+    """A box, the only volume of the model, is to be meshed by two hexahedra along each edge."""
+    for _, tag in gmsh.model.getEntities(1):
+        gmsh.model.mesh.setTransfiniteCurve(tag, 3)
+    for _, tag in gmsh.model.getEntities(2):
+        gmsh.model.mesh.setTransfiniteSurface(tag)
+        gmsh.model.mesh.setRecombine(2, tag)
+    gmsh.model.mesh.setTransfiniteVolume(box)
 
 
 def two_boxes(path: Path) -> bytes:
@@ -64,11 +70,7 @@ def two_boxes(path: Path) -> bytes:
 
     The groups "wall" and "inlet" are parts of the surface, "corner" is a point.
     """
-    gmsh = require("gmsh")
-    gmsh.initialize()
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
+    with gmsh_session(Mesh_MeshSizeMax=0.5) as gmsh:
         gmsh.model.add("two boxes")
         boxes = [gmsh.model.occ.addBox(i, 0, 0, 1, 1, 1) for i in range(2)]
         gmsh.model.occ.fragment([(3, boxes[0])], [(3, boxes[1])])
@@ -81,19 +83,26 @@ def two_boxes(path: Path) -> bytes:
         gmsh.model.addPhysicalGroup(0, [1], name="corner")
         gmsh.model.mesh.generate(3)
         gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
     return path.read_bytes()
 
 
 def nodes_by_gmsh(path: Path) -> np.ndarray:
     """(N, 3) the nodes of a file by ascending number, as Gmsh reads it."""
-    gmsh = require("gmsh")
-    gmsh.initialize()
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.open(str(path))
-        tags, coordinates, _ = gmsh.model.mesh.getNodes()
-        return coordinates.reshape(-1, 3)[np.argsort(tags)]
-    finally:
-        gmsh.finalize()
+    with opened_by_gmsh(path) as (_, _, points):
+        return points
+
+
+def check_nodes(mesh: Mesh) -> set[str]:
+    """Middles of straight cells lie in the middle, volumes are positive; returns the types of cells."""
+    for block in mesh.cells:
+        record = CELL_TYPES[block.type]
+        linear, around = (record.linear or record).name, record.mids
+        x = mesh.points[block.vertices]
+        first = x.shape[1] - len(around)
+        for k, ends in enumerate(around):
+            assert np.allclose(x[:, first + k], x[:, list(ends)].mean(axis=1), atol=1e-12), block.type
+        corners = {"tetra": (2, 3), "wedge": (2, 3), "hexahedron": (3, 4), "pyramid": (3, 4)}.get(linear)
+        if corners:
+            edges = [x[:, i] - x[:, 0] for i in (1, *corners)]
+            assert (np.linalg.det(np.stack(edges, axis=1)) > 0).all(), block.type
+    return {block.type for block in mesh.cells}

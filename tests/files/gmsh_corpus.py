@@ -6,33 +6,18 @@ rest of the session; nothing is left on disk.
 
 from __future__ import annotations
 
-import contextlib
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from needs import require
+from gmsh_session import gmsh_session
 
 VARIANTS = {"22-ascii": (2.2, 0), "22-binary": (2.2, 1), "41-ascii": (4.1, 0), "41-binary": (4.1, 1)}
-
-
-@contextlib.contextmanager
-def gmsh_session(**options: float) -> Iterator[ModuleType]:
-    """A Gmsh with default options but for those given, as Mesh_SaveAll for Mesh.SaveAll."""
-    gmsh = require("gmsh")
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        for name, value in {"General_Terminal": 0, **options}.items():
-            gmsh.option.setNumber(name.replace("_", ".", 1), value)
-        yield gmsh
-    finally:
-        gmsh.finalize()
 
 
 # ------------------------------------------------------------------------------------------------ models

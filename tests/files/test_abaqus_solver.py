@@ -14,6 +14,7 @@ from abaqus_corpus import FLAT
 from dvr_cli.cli.main import main
 from dvr_cli.files.reading import open_mesh
 from dvr_cli.files.source import differing
+from gmsh_session import gmsh_session
 
 ANALYSIS = """*MATERIAL, NAME=STEEL
 *ELASTIC
@@ -40,9 +41,7 @@ def beam(request, tmp_path_factory):
     """A clamped beam of tetrahedra as Gmsh writes it for Abaqus, and a step of an analysis."""
     gmsh = needs.require("gmsh")
     path = tmp_path_factory.mktemp("beam") / "beam.inp"
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Verbosity", 0)
+    with gmsh_session():
         gmsh.model.occ.addBox(0, 0, 0, 4, 1, 1)
         gmsh.model.occ.synchronize()
         gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
@@ -58,8 +57,6 @@ def beam(request, tmp_path_factory):
         gmsh.write(str(path))
         kind = gmsh.model.mesh.getElementType("Tetrahedron", request.param)
         tetrahedra = len(gmsh.model.mesh.getElementsByType(kind)[0])
-    finally:
-        gmsh.finalize()
     text = re.sub(r"\*ELEMENT, type=CPS\d, ELSET=\w+\n[^*]*", "", path.read_text(), flags=re.IGNORECASE)
     text = re.sub(r"\*ELSET,ELSET=(WALL|TIP)\n[^*]*", "", text)
     path.write_text(text + ANALYSIS)

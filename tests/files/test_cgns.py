@@ -13,9 +13,8 @@ from containers import differences, hdf5_objects
 from dvr_cli.cli.main import main
 from dvr_cli.errors import DvrError, InputError
 from dvr_cli.files import cgns as format_
-from dvr_cli.mesh.cell_types import CELL_TYPES
 from fuzz import COUNTS, mutated
-from gmsh_cad import KINDS, nodes_by_gmsh, two_boxes, written_by_gmsh
+from gmsh_cad import KINDS, check_nodes, nodes_by_gmsh, two_boxes, written_by_gmsh
 from meshes import random_mesh
 from needs import require
 from sources import written
@@ -108,21 +107,7 @@ def test_vtk_reads_the_output(boxes, tmp_path):
 
 def test_nodes_are_where_meshio_has_them(files):
     """Gmsh knows CGNS's node orders: middles lie in the middle, volumes are positive."""
-    found = set()
-    for kind, data in files.items():
-        mesh = format_.read(data).mesh
-        for block in mesh.cells:
-            found.add(block.type)
-            record = CELL_TYPES[block.type]
-            linear, around = (record.linear or record).name, record.mids
-            x = mesh.points[block.vertices]
-            first = x.shape[1] - len(around)
-            for k, ends in enumerate(around):
-                assert np.allclose(x[:, first + k], x[:, list(ends)].mean(axis=1), atol=1e-12), kind
-            corners = {"tetra": (2, 3), "wedge": (2, 3), "hexahedron": (3, 4), "pyramid": (3, 4)}.get(linear)
-            if corners:
-                edges = [x[:, i] - x[:, 0] for i in (1, *corners)]
-                assert (np.linalg.det(np.stack(edges, axis=1)) > 0).all()
+    found = set().union(*(check_nodes(format_.read(data).mesh) for data in files.values()))
     assert found >= (set(KINDS) - {"pyramid13"}) | {"triangle6", "quad8", "quad9", "line3", "vertex"}
 
 

@@ -13,7 +13,7 @@ from dvr_cli.cli.main import main
 from dvr_cli.files.formats import FORMATS, format_named
 from dvr_cli.files.reading import open_mesh
 from dvr_cli.relax.stopping import Stopping
-from gmsh_corpus import gmsh_session
+from gmsh_session import gmsh_session, opened_by_gmsh
 from needs import require
 
 Mesh = tuple[np.ndarray, np.ndarray]  # points (N, 3) and tetrahedra (n, 4)
@@ -42,13 +42,9 @@ def _with_vtk(reader_name: str):
 
 
 def _with_gmsh(path: Path) -> Mesh:
-    with gmsh_session() as gmsh:
-        gmsh.open(str(path))
-        tags, points, _ = gmsh.model.mesh.getNodes()
-        place = np.argsort(tags)
+    with opened_by_gmsh(path) as (gmsh, tags, points):
         _, nodes = gmsh.model.mesh.getElementsByType(4)
-        cells = np.searchsorted(tags[place], nodes).reshape(-1, 4)
-    return points.reshape(-1, 3)[place], cells
+        return points, np.searchsorted(tags, nodes).reshape(-1, 4)
 
 
 def _with_netcdf(path: Path) -> Mesh:

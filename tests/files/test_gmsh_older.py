@@ -13,6 +13,7 @@ from dvr_cli.files.gmsh import read
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.groups import group_vertices
 from fuzz import COUNTS, check_damaged
+from gmsh_session import gmsh_session, opened_by_gmsh
 from needs import require
 from sources import written
 
@@ -30,9 +31,7 @@ def files(tmp_path_factory) -> dict[str, bytes]:
     """Two boxes that share a face and are groups, in all the older versions, and in 4.1."""
     gmsh = require("gmsh")
     folder = tmp_path_factory.mktemp("older")
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with gmsh_session():
         boxes = [(3, gmsh.model.occ.addBox(x, 0, 0, 1, 1, 1)) for x in (0, 1)]
         gmsh.model.occ.fragment(boxes[:1], boxes[1:])
         gmsh.model.occ.synchronize()
@@ -52,8 +51,6 @@ def files(tmp_path_factory) -> dict[str, bytes]:
         gmsh.option.setNumber("Mesh.SaveParametric", 0)
         gmsh.write(str(folder / "x.msh"))
         made["4.1"] = (folder / "x.msh").read_bytes()
-    finally:
-        gmsh.finalize()
     for parametric in (0, 1):
         made[f"4-binary-{parametric}"] = binary_of(made[f"4-text-{parametric}"])
     return made
@@ -106,16 +103,9 @@ def cells_of(mesh):
 
 def read_by_gmsh(path: Path) -> tuple[np.ndarray, int, list[tuple[int, int]]]:
     """Coordinates by ascending tag, the number of elements, and the groups."""
-    gmsh = require("gmsh")
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.open(str(path))
-        tags, points, _ = gmsh.model.mesh.getNodes()
+    with opened_by_gmsh(path) as (gmsh, _, points):
         elements = sum(map(len, gmsh.model.mesh.getElements()[1]))
-        return points.reshape(-1, 3)[np.argsort(tags)], elements, gmsh.model.getPhysicalGroups()
-    finally:
-        gmsh.finalize()
+        return points, elements, gmsh.model.getPhysicalGroups()
 
 
 @pytest.mark.parametrize("name", [*NAMES, "4-binary-0", "4-binary-1"])

@@ -18,7 +18,8 @@ from dvr_cli.files.gmsh.cells import CellType, cell_type
 from dvr_cli.mesh.cell_types import topological_dimension
 from dvr_cli.mesh.groups import group_cells
 from dvr_cli.mesh.mesh import Mesh
-from gmsh_corpus import NAMES, Account, account, corpus, gmsh_session
+from gmsh_corpus import NAMES, Account, account, corpus
+from gmsh_session import gmsh_session
 
 
 def supported_types() -> dict[int, CellType]:

@@ -13,7 +13,8 @@ from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.second_order import mid_nodes
 from dvr_cli.relax.stopping import Stopping
-from gmsh_corpus import corpus, gmsh_session
+from gmsh_corpus import corpus
+from gmsh_session import gmsh_session
 
 
 def gmsh_mesh(shape: str, incomplete: bool) -> Mesh:

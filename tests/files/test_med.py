@@ -17,9 +17,8 @@ from dvr_cli.files import med
 from dvr_cli.files.med import MedSource
 from dvr_cli.files.reading import open_mesh
 from dvr_cli.files.source import InputFile
-from dvr_cli.mesh.cell_types import CELL_TYPES
 from fuzz import COUNTS, mutated
-from gmsh_cad import KINDS, nodes_by_gmsh, two_boxes, written_by_gmsh
+from gmsh_cad import KINDS, check_nodes, nodes_by_gmsh, two_boxes, written_by_gmsh
 from needs import require
 from sources import written
 
@@ -74,21 +73,7 @@ def test_unmoved_is_identical_and_moved_differs_in_coordinates_only(files, tmp_p
 
 def test_nodes_are_where_meshio_has_them(files):
     """Gmsh knows MED's node orders: middles lie in the middle, volumes are positive."""
-    found = set()
-    for kind, data in files.items():
-        mesh = read(data).mesh
-        for block in mesh.cells:
-            found.add(block.type)
-            record = CELL_TYPES[block.type]
-            linear, around = (record.linear or record).name, record.mids
-            x = mesh.points[block.vertices]
-            first = x.shape[1] - len(around)
-            for k, ends in enumerate(around):
-                assert np.allclose(x[:, first + k], x[:, list(ends)].mean(axis=1), atol=1e-12), kind
-            corners = {"tetra": (2, 3), "wedge": (2, 3), "hexahedron": (3, 4), "pyramid": (3, 4)}.get(linear)
-            if corners:
-                edges = [x[:, i] - x[:, 0] for i in (1, *corners)]
-                assert (np.linalg.det(np.stack(edges, axis=1)) > 0).all()
+    found = set().union(*(check_nodes(read(data).mesh) for data in files.values()))
     expected = {
         "tetra",
         "tetra10",

@@ -17,6 +17,7 @@ from dvr_cli.files import medit
 from dvr_cli.files.reading import open_mesh
 from dvr_cli.mesh.mesh import Cells, Mesh
 from fuzz import COUNTS, mutated
+from gmsh_session import gmsh_session
 from meshes import TETRAHEDRA, grid
 from needs import require, require_program
 from sources import written
@@ -491,10 +492,7 @@ def test_freefem_measures_the_same_areas_and_lengths(tmp_path):
 
 def test_gmsh_reads_what_second_order_cells_become(tmp_path):
     gmsh = require("gmsh")
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.SaveAll", 1)
+    with gmsh_session(Mesh_SaveAll=1):
         gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
         gmsh.model.occ.synchronize()
         gmsh.option.setNumber("Mesh.MeshSizeMax", 0.6)
@@ -520,8 +518,6 @@ def test_gmsh_reads_what_second_order_cells_become(tmp_path):
         assert types.tolist() == [11]
         assert len(elements[0]) == len(tets)
         assert gmsh.model.mesh.getElementQualities(elements[0], "minSJ").min() > 0
-    finally:
-        gmsh.finalize()
 
 
 def test_mmg_reads_what_is_converted(tmp_path):

@@ -21,6 +21,8 @@ from dvr_cli.mesh.convert import from_meshio
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from fuzz import COUNTS, mutated
+from gmsh_cad import into_hexahedra
+from gmsh_session import gmsh_session, opened_by_gmsh
 from needs import require
 from sources import cells_of, written
 
@@ -83,25 +85,14 @@ def gmsh_decks():
     from tempfile import TemporaryDirectory
 
     decks = {}
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)
-        gmsh.option.setNumber("Mesh.MeshSizeMin", 0.9)
-        gmsh.option.setNumber("Mesh.SaveAll", 1)
-        gmsh.option.setNumber("Mesh.Binary", 1)
+    with gmsh_session(Mesh_SecondOrderIncomplete=1, Mesh_MeshSizeMin=0.9, Mesh_SaveAll=1, Mesh_Binary=1):
         for hexahedra in (False, True):
             for order in (1, 2):
                 gmsh.model.add("box")
                 box = gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
                 gmsh.model.occ.synchronize()
                 if hexahedra:
-                    for _, tag in gmsh.model.getEntities(1):
-                        gmsh.model.mesh.setTransfiniteCurve(tag, 3)
-                    for _, tag in gmsh.model.getEntities(2):
-                        gmsh.model.mesh.setTransfiniteSurface(tag)
-                        gmsh.model.mesh.setRecombine(2, tag)
-                    gmsh.model.mesh.setTransfiniteVolume(box)
+                    into_hexahedra(gmsh, box)
                 gmsh.model.mesh.generate(3)
                 gmsh.model.mesh.setOrder(order)
                 with TemporaryDirectory() as folder:
@@ -112,25 +103,15 @@ def gmsh_decks():
                         gmsh.write(f"{folder}/x.bdf")
                         decks[hexahedra, order, fields] = (Path(folder) / "x.bdf").read_bytes(), own
                 gmsh.model.remove()
-    finally:
-        gmsh.finalize()
     return decks
 
 
 def read_by_gmsh(deck: bytes, folder: Path) -> tuple[list[int], np.ndarray]:
     """The numbers of nodes, ascending, and their coordinates that Gmsh's own reader finds."""
-    gmsh = require("gmsh")
     path = folder / "by_gmsh.bdf"
     path.write_bytes(deck)
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.open(str(path))
-        tags, points, _ = gmsh.model.mesh.getNodes()
-        order = np.argsort(tags)
-        return tags[order].tolist(), points.reshape(-1, 3)[order]
-    finally:
-        gmsh.finalize()
+    with opened_by_gmsh(path) as (_, tags, points):
+        return tags.tolist(), points
 
 
 def test_points_cells_and_properties():

@@ -14,6 +14,7 @@ from dvr_cli.files.off import convert, read
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from fuzz import COUNTS, check_damaged
+from gmsh_session import gmsh_session, opened_by_gmsh
 from needs import require
 from sources import cells_of, written
 
@@ -51,20 +52,12 @@ FILES = {"text": TEXT, "coloured": COLOURED, "bare": BARE, "many": MANY, "binary
 
 def read_by_gmsh(path: Path) -> tuple[np.ndarray, list[list[int]]]:
     """Coordinates, and triangles and quads with nodes counted from 0."""
-    gmsh = require("gmsh")
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.open(str(path))
-        tags, points, _ = gmsh.model.mesh.getNodes()
-        order = np.argsort(tags)
+    with opened_by_gmsh(path) as (gmsh, tags, points):
         faces = []
         for kind, size in ((2, 3), (3, 4)):
             nodes = gmsh.model.mesh.getElementsByType(kind)[1]
-            faces += (nodes.reshape(-1, size).astype(int) - int(tags.min())).tolist()
-        return points.reshape(-1, 3)[order], faces
-    finally:
-        gmsh.finalize()
+            faces += (nodes.reshape(-1, size).astype(int) - int(tags[0])).tolist()
+        return points, faces
 
 
 def test_points_and_faces():
@@ -139,16 +132,12 @@ def test_files_by_trimesh(tmp_path):
 def test_files_by_gmsh(tmp_path):
     gmsh = require("gmsh")
     path = tmp_path / "x.off"
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with gmsh_session():
         gmsh.model.occ.addRectangle(0, 0, 0, 1, 1)
         gmsh.model.occ.synchronize()
         gmsh.option.setNumber("Mesh.MeshSizeMax", 0.3)
         gmsh.model.mesh.generate(2)
         gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
     source = read(path.read_bytes())
     points = source.mesh.points + 1 / 3
     path.write_bytes(written(source, points))

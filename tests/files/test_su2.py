@@ -17,6 +17,8 @@ from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.groups import group_vertices
 from dvr_cli.mesh.mesh import Cells, Mesh
 from fuzz import COUNTS, check_damaged
+from gmsh_cad import into_hexahedra
+from gmsh_session import gmsh_session
 from needs import require
 from sources import cells_of, written
 
@@ -200,29 +202,18 @@ def test_moved_differs_in_coordinates_only():
 @pytest.mark.parametrize("hexahedra", [False, True])
 def test_files_by_gmsh(hexahedra, order, tmp_path):
     gmsh = require("gmsh")
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)
-        gmsh.option.setNumber("Mesh.MeshSizeMin", 0.9)
+    with gmsh_session(Mesh_SecondOrderIncomplete=1, Mesh_MeshSizeMin=0.9):
         box = gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
         gmsh.model.occ.synchronize()
         gmsh.model.addPhysicalGroup(3, [box], 1, "body")
         gmsh.model.addPhysicalGroup(2, [1, 3], 2, "walls")
         gmsh.model.addPhysicalGroup(2, [2], 3, "outlet")
         if hexahedra:
-            for _, tag in gmsh.model.getEntities(1):
-                gmsh.model.mesh.setTransfiniteCurve(tag, 3)
-            for _, tag in gmsh.model.getEntities(2):
-                gmsh.model.mesh.setTransfiniteSurface(tag)
-                gmsh.model.mesh.setRecombine(2, tag)
-            gmsh.model.mesh.setTransfiniteVolume(box)
+            into_hexahedra(gmsh, box)
         gmsh.model.mesh.generate(3)
         gmsh.model.mesh.setOrder(order)
         gmsh.write(str(tmp_path / "x.su2"))
         gmsh.write(str(tmp_path / "x.msh"))
-    finally:
-        gmsh.finalize()
     data = (tmp_path / "x.su2").read_bytes()
     own = open_mesh(tmp_path / "x.msh").mesh
     source = read(data)

@@ -15,6 +15,7 @@ from dvr_cli.files.unv.elements import NODE_ORDER
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import domain_of
 from fuzz import COUNTS, check_damaged
+from gmsh_session import gmsh_session, opened_by_gmsh
 from needs import require
 from sources import cells_of, written
 
@@ -93,11 +94,7 @@ FILES = {name: text.encode() for name, text in FILES.items()}
 def by_gmsh(folder: Path, order: int, kind: str) -> tuple[Path, Path]:
     """A box that Gmsh meshes and writes as UNV, and as MSH."""
     gmsh = require("gmsh")
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)
-        gmsh.option.setNumber("Mesh.MeshSizeMin", 0.9)
+    with gmsh_session(Mesh_SecondOrderIncomplete=1, Mesh_MeshSizeMin=0.9):
         square = gmsh.model.occ.addRectangle(0, 0, 0, 1, 1)
         layers = {"numElements": [2], "recombine": kind != "tetra"}
         made = gmsh.model.occ.extrude([(2, square)], 0, 0, 1, **layers)
@@ -113,25 +110,15 @@ def by_gmsh(folder: Path, order: int, kind: str) -> tuple[Path, Path]:
         gmsh.option.setNumber("Mesh.SaveGroupsOfNodes", 1)
         gmsh.write(str(folder / "x.unv"))
         gmsh.write(str(folder / "x.msh"))
-    finally:
-        gmsh.finalize()
     return folder / "x.unv", folder / "x.msh"
 
 
 def read_by_gmsh(path: Path) -> tuple[np.ndarray, dict[str, int]]:
     """Coordinates by ascending tag, and how many elements of each type there are."""
-    gmsh = require("gmsh")
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.open(str(path))
-        tags, points, _ = gmsh.model.mesh.getNodes()
-        order = np.argsort(tags)
+    with opened_by_gmsh(path) as (gmsh, _, points):
         types, elements, _ = gmsh.model.mesh.getElements()
         names = [gmsh.model.mesh.getElementProperties(kind)[0] for kind in types]
-        return points.reshape(-1, 3)[order], dict(zip(names, map(len, elements), strict=True))
-    finally:
-        gmsh.finalize()
+        return points, dict(zip(names, map(len, elements), strict=True))
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -12,6 +12,7 @@ import vtk_corpus
 from dvr_cli.errors import InputError
 from dvr_cli.files import vtk
 from fuzz import COUNTS, mutated
+from gmsh_session import gmsh_session
 from needs import require
 from sources import written
 from vtk_corpus import arrays, cells, coordinates, corpus, everything_but_coordinates, read_with_vtk
@@ -245,9 +246,7 @@ SOLIDS = {  # one of each, as Gmsh numbers types and nodes
 def test_gmsh_writes_the_same_cells_as_msh_and_as_vtk(order, incomplete, kinds, tmp_path):
     """Node orders of linear and quadratic solids; meshio reads the MSH file."""
     gmsh = require("gmsh")
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with gmsh_session():
         first = 1
         for place, (kind, nodes) in enumerate(SOLIDS.items()):
             if (kind == 7 and order == 2) or (kind == 6 and incomplete):
@@ -262,8 +261,6 @@ def test_gmsh_writes_the_same_cells_as_msh_and_as_vtk(order, incomplete, kinds, 
         gmsh.model.mesh.setOrder(order)
         gmsh.write(str(tmp_path / "x.vtk"))
         gmsh.write(str(tmp_path / "x.msh"))
-    finally:
-        gmsh.finalize()
     ours = vtk.read((tmp_path / "x.vtk").read_bytes()).mesh
     theirs = meshio.read(tmp_path / "x.msh", file_format="gmsh")
     assert {block.type for block in ours.cells} == {block.type for block in theirs.cells} == kinds

@@ -12,7 +12,7 @@ from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality.curved import curved_quality
-from needs import require
+from gmsh_session import gmsh_session
 
 LINEAR = {
     "triangle": [(0, 0), (1, 0), (0.5, 0.8)],
@@ -49,12 +49,9 @@ def cells_apart(name, noise, n=120, seed=3):
 
 def of_gmsh(mesh):
     """The least determinant of the Jacobian of each cell, and the least at its nodes, by Gmsh."""
-    gmsh = require("gmsh")
     (block,), d = mesh.cells, mesh.points.shape[1]
     order = np.argsort(NODE_ORDER[block.type]) if block.type in NODE_ORDER else slice(None)
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with gmsh_session() as gmsh:
         entity = gmsh.model.addDiscreteEntity(d)
         numbers, points = np.arange(1, len(mesh.points) + 1), np.pad(mesh.points, ((0, 0), (0, 3 - d)))
         gmsh.model.mesh.addNodes(d, entity, numbers, points.ravel())
@@ -66,8 +63,6 @@ def of_gmsh(mesh):
         local = np.pad(np.reshape(local, (count, d)), ((0, 0), (0, 3 - d)))
         least = gmsh.model.mesh.getElementQualities(tags, "minDetJac")
         jacobians = gmsh.model.mesh.getJacobians(KIND[block.type], local.ravel())[0]
-    finally:
-        gmsh.finalize()
     at_nodes = np.linalg.det(np.reshape(jacobians, (-1, count, 3, 3))[..., :d, :d])
     return np.array(least), at_nodes.min(axis=1)
 
