@@ -1,4 +1,4 @@
-"""Sources as tests look at them: the bytes they write, and the cells of a mesh in a form that compares."""
+"""Sources as tests look at them: the bytes they write, cells and coordinates in forms that compare."""
 
 from __future__ import annotations
 
@@ -20,3 +20,8 @@ def written(source: Source, points: np.ndarray) -> bytes:
 def cells_of(mesh: Mesh) -> list[tuple[str, list]]:
     """Type and vertices of each block of cells."""
     return [(block.type, block.vertices.tolist()) for block in mesh.cells]
+
+
+def bits(points: np.ndarray) -> list[int]:
+    """Coordinates as the integers of the same bits: -0.0 is not 0.0, and each nan is its own."""
+    return np.ascontiguousarray(points, dtype=np.float64).view(np.int64).ravel().tolist()

@@ -14,7 +14,7 @@ from dvr_cli.files import vtk
 from fuzz import COUNTS, mutated
 from gmsh_session import gmsh_session
 from needs import require
-from sources import written
+from sources import bits, written
 from vtk_corpus import arrays, cells, coordinates, corpus, everything_but_coordinates, read_with_vtk
 
 FILES = sorted(corpus())
@@ -29,10 +29,6 @@ def moved(points: np.ndarray) -> np.ndarray:
     points = points.copy()
     points[::2] += np.random.default_rng(0).uniform(-0.01, 0.01, points[::2].shape)
     return points
-
-
-def bits(points: np.ndarray) -> list[int]:
-    return np.ascontiguousarray(points, dtype=np.float64).view(np.int64).ravel().tolist()
 
 
 def points_section(data: bytes, n: int, binary: bool) -> tuple[int, int]:

@@ -10,7 +10,7 @@ import pytest
 
 from dvr_cli.errors import InputError
 from fuzz import COUNTS, mutated
-from sources import written
+from sources import bits, written
 from vtk_corpus import arrays, cells, coordinates, everything_but_coordinates
 from vtkxml_corpus import NAMES, file, grid, module_of, points_blanked, read_with_vtk, write
 
@@ -24,10 +24,6 @@ def moved(points: np.ndarray) -> np.ndarray:
     points = points.copy()
     points[::5] += np.random.default_rng(0).uniform(-0.01, 0.01, points[::5].shape)
     return points
-
-
-def bits(points: np.ndarray) -> list[int]:
-    return np.ascontiguousarray(points, dtype=np.float64).view(np.int64).ravel().tolist()
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -316,6 +316,11 @@ def read_with_vtk(data: bytes) -> object:
     reader = getattr(vtk, kind + "Reader")()
     for what in ("Scalars", "Vectors", "Normals", "Tensors", "ColorScalars", "TCoords", "Fields"):
         getattr(reader, f"ReadAll{what}On")()
+    return found_by(reader, data)
+
+
+def found_by(reader: object, data: bytes) -> object:
+    """The data set one of VTK's readers finds in a file; fails if it complains."""
     complaints = []
     for event in ("ErrorEvent", "WarningEvent"):
         reader.AddObserver(event, lambda _, name: complaints.append(name))
