@@ -25,7 +25,7 @@ from dvr_cli.quality.badness import quality_growth
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.patches.neighbourhoods import ROUND, Neighbourhoods, Patches
-from dvr_cli.relax.patches.solver import solve_patch
+from dvr_cli.relax.patches.solver import Patch, solve_patch
 from dvr_cli.relax.problem import Problem
 from dvr_cli.relax.stopping import Stopping, StopReason
 from dvr_cli.relax.sweeps import Relaxation, Sweep, cut_short
@@ -60,7 +60,7 @@ def relax_patches(
         """Largest badness of a patch before and after; the same if it is time to stop."""
         if cut_short(start, stopping, interrupted):
             return 1.0, 1.0
-        return solve(state.points, *patches.of(patch), state.slot, *state.rules)
+        return solve(state.points, Patch(*patches.of(patch), state.slot, *state.rules))
 
     with ThreadPoolExecutor(engine.threads) as pool:
         each = pool.map if engine.threads > 1 else map
@@ -93,7 +93,7 @@ class _State:
         if problem.freedom is not None:
             freedom.dimension[problem.rings.vertices] = problem.freedom.dimension
             freedom.axis[problem.rings.vertices] = problem.freedom.axis
-        # the arguments of ``solve_patch`` beside the patch: the shape table, and each vertex's freedom
+        # the last fields of each ``Patch``: the shape table, and each vertex's freedom
         self.rules = self._touched.table.norm, freedom.dimension, freedom.axis
         self.quality = corner_qualities(self.points, self._touched)
         self.layers = np.ones(len(self.quality), dtype=np.int64)  # to be freed around each corner

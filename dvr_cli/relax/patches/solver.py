@@ -12,6 +12,8 @@ positive elements has f = ∞ and is halved like any step that does not descend.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from dvr_cli.boundary.freedom import project
@@ -34,23 +36,31 @@ NEGLIGIBLE = 1e-12  # share of a corner in Σ r^k below which its gradient does 
 _PRODUCTS = {2: (((1, 2),), ((0, 2),)), 3: (((1, 3), (2, 4)), ((0, 3), (2, 5)), ((0, 4), (1, 5)))}
 
 
-def solve_patch(
-    points: np.ndarray,
-    moving: np.ndarray,
-    vertices: np.ndarray,
-    shapes: np.ndarray,
-    slot: np.ndarray,
-    norm: np.ndarray,
-    dimension: np.ndarray,
-    axis: np.ndarray,
-) -> tuple[float, float]:
+class Patch(NamedTuple):
+    """A patch: vertices that move together, all corners with any of them, and the tables about both.
+
+    moving: (n,) vertices. vertices: (C, d+1), and shapes: (C,), of the corners. slot: (N,) number of each
+    moving vertex among them, negative for all that stay. norm: of ``ShapeTable``. dimension: (N,) and
+    axis: (N, d) of ``Freedom``.
+    """
+
+    moving: np.ndarray
+    vertices: np.ndarray
+    shapes: np.ndarray
+    slot: np.ndarray
+    norm: np.ndarray
+    dimension: np.ndarray
+    axis: np.ndarray
+
+
+def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
     """Move the vertices of a patch if that makes its smallest quality grow.
 
-    points: (N, d), changed in place. The others are those of ``PatchEnergy``. Returns the largest badness of
-    the patch before and after, the same if nothing moved.
+    points: (N, d), changed in place. Returns the largest badness of the patch before and after, the same if
+    nothing moved.
     """
-    d = points.shape[1]
-    energy = PatchEnergy(points, moving, vertices, shapes, slot, norm, dimension, axis)
+    d, moving = points.shape[1], patch.moving
+    energy = PatchEnergy(points, patch)
     start = points[moving]
     before = energy.badness().max()
     if before == np.inf:
@@ -70,32 +80,18 @@ def solve_patch(
 class PatchEnergy:
     """The ℓ^k norm of the badness of a patch's corners, and its gradient, where ``points`` has them."""
 
-    def __init__(
-        self,
-        points: np.ndarray,
-        moving: np.ndarray,
-        vertices: np.ndarray,
-        shapes: np.ndarray,
-        slot: np.ndarray,
-        norm: np.ndarray,
-        dimension: np.ndarray,
-        axis: np.ndarray,
-    ) -> None:
-        """Set up the patch of the vertices ``moving`` (n,).
-
-        points: (N, d), which the caller moves. vertices: (C, d+1) and shapes: (C,) of all corners with a
-        moving vertex. slot: (N,) number of each moving vertex among them, negative for all that stay.
-        norm: of ``ShapeTable``. dimension, axis: of ``Freedom``.
-        """
+    def __init__(self, points: np.ndarray, patch: Patch) -> None:
+        """points: (N, d), which the caller moves."""
+        moving = patch.moving
         self.points, self.moving = points, moving
-        self._vertices = vertices
-        self._on_line, self._axis = dimension[moving] == 1, axis[moving]
-        self._norm = norm[shapes].T
-        slots = slot[vertices]
+        self._vertices = patch.vertices
+        self._on_line, self._axis = patch.dimension[moving] == 1, patch.axis[moving]
+        self._norm = patch.norm[patch.shapes].T
+        slots = patch.slot[patch.vertices]
         own = np.broadcast_to(slots[:, :1], slots[:, 1:].shape)
         slots = np.stack([slots[:, 1:], own], axis=2)  # of both ends of each edge
         self._slots = np.where(slots < 0, len(moving), slots)  # the last slot is for what does not move
-        edges, _ = edges_and_determinant(points, vertices)
+        edges, _ = edges_and_determinant(points, patch.vertices)
         lengths = np.sqrt(dot(edges[0], edges[0]))
         self.size = np.add.accumulate(lengths)[-1] / len(lengths)  # mean edge length
 

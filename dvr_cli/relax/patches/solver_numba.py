@@ -21,37 +21,30 @@ from dvr_cli.relax.patches.solver import (
     MEMORY,
     NEGLIGIBLE,
     SQUARINGS,
+    Patch,
 )
 
 
 @compiled
-def solve_patch(
-    points: np.ndarray,
-    moving: np.ndarray,
-    vertices: np.ndarray,
-    shapes: np.ndarray,
-    slot: np.ndarray,
-    norm: np.ndarray,
-    dimension: np.ndarray,
-    axis: np.ndarray,
-) -> tuple[float, float]:
+def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
     """As ``solver.solve_patch``."""
     d = points.shape[1]
-    bad, power, start = np.empty(len(vertices)), np.empty(len(vertices)), np.empty(len(moving) * d)
+    moving, corners = patch.moving, len(patch.vertices)
+    bad, power, start = np.empty(corners), np.empty(corners), np.empty(len(moving) * d)
     _take(points, moving, start)
-    before = _badnesses(points, vertices, shapes, norm, bad)
+    before = _badnesses(points, patch, bad)
     if before == np.inf:
         return before, before
-    size = _size(points, vertices)
+    size = _size(points, patch.vertices)
     for squarings in SQUARINGS[d - 2]:
-        _minimise(points, moving, vertices, shapes, slot, norm, dimension, axis, squarings, size, bad, power)
+        _minimise(points, patch, squarings, size, bad, power)
     moved = np.empty(len(start))
     _take(points, moving, moved)
     moved -= start
-    _project(moved, moving, dimension, axis)
-    _project(moved, moving, dimension, axis)
+    _project(moved, patch)
+    _project(moved, patch)
     _put(points, moving, start + moved)
-    after = _badnesses(points, vertices, shapes, norm, bad)
+    after = _badnesses(points, patch, bad)
     if improves(before, after, d):
         return before, after
     _put(points, moving, start)
@@ -61,13 +54,7 @@ def solve_patch(
 @compiled
 def _minimise(
     points: np.ndarray,
-    moving: np.ndarray,
-    vertices: np.ndarray,
-    shapes: np.ndarray,
-    slot: np.ndarray,
-    norm: np.ndarray,
-    dimension: np.ndarray,
-    axis: np.ndarray,
+    patch: Patch,
     squarings: int,
     size: float,
     bad: np.ndarray,
@@ -75,6 +62,7 @@ def _minimise(
 ) -> None:
     """See ``solver._minimise``; vectors (n, d) are flat, pairs stand in the rows of two arrays."""
     d = points.shape[1]
+    moving = patch.moving
     n = len(moving) * d
     rows = MEMORY + 1  # one more for a pair that is not kept
     steps, changes, curvature = np.empty((rows, n)), np.empty((rows, n)), np.empty(rows)
@@ -82,9 +70,9 @@ def _minimise(
     x, reached, direction, g, new = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     kept = 0
     _take(points, moving, x)
-    reference = _badnesses(points, vertices, shapes, norm, bad)
+    reference = _badnesses(points, patch, bad)
     f, total = _norm(bad, reference, squarings, power)
-    _gradient(points, moving, vertices, shapes, norm, slot, dimension, axis, power, f, total, g)
+    _gradient(points, patch, power, f, total, g)
     for _ in range(ITERATIONS):
         descent(g, steps, changes, curvature, factor, kept, d, direction)
         slope = dot(g, direction, d)
@@ -101,7 +89,7 @@ def _minimise(
             for i in range(n):
                 reached[i] = x[i] + step * direction[i]
             _put(points, moving, reached)
-            _badnesses(points, vertices, shapes, norm, bad)
+            _badnesses(points, patch, bad)
             trial, total = _norm(bad, reference, squarings, power)
             falls = trial <= f + DECREASE * step * slope
             if falls:
@@ -110,7 +98,7 @@ def _minimise(
         if not falls:
             _put(points, moving, x)
             return
-        _gradient(points, moving, vertices, shapes, norm, slot, dimension, axis, power, trial, total, new)
+        _gradient(points, patch, power, trial, total, new)
         row = kept % rows
         for i in range(n):
             steps[row, i] = reached[i] - x[i]
@@ -143,8 +131,9 @@ def _put(points: np.ndarray, moving: np.ndarray, values: np.ndarray) -> None:
 
 
 @inlined
-def _project(g: np.ndarray, moving: np.ndarray, dimension: np.ndarray, axis: np.ndarray) -> None:
+def _project(g: np.ndarray, patch: Patch) -> None:
     """See ``PatchEnergy.inside``."""
+    moving, dimension, axis = patch.moving, patch.dimension, patch.axis
     d = axis.shape[1]
     for i in range(len(moving)):
         vertex = moving[i]
@@ -172,10 +161,9 @@ def _size(points: np.ndarray, vertices: np.ndarray) -> float:
 
 
 @compiled
-def _badnesses(
-    points: np.ndarray, vertices: np.ndarray, shapes: np.ndarray, norm: np.ndarray, bad: np.ndarray
-) -> float:
+def _badnesses(points: np.ndarray, patch: Patch, bad: np.ndarray) -> float:
     """Fill ``bad`` with the badness of each corner, infinite where it is not positive; the largest."""
+    vertices, shapes, norm = patch.vertices, patch.shapes, patch.norm
     largest = 0.0
     if points.shape[1] == 2:
         for c in range(len(vertices)):
@@ -231,20 +219,10 @@ def _norm(bad: np.ndarray, reference: float, squarings: int, power: np.ndarray) 
 
 @compiled
 def _gradient(
-    points: np.ndarray,
-    moving: np.ndarray,
-    vertices: np.ndarray,
-    shapes: np.ndarray,
-    norm: np.ndarray,
-    slot: np.ndarray,
-    dimension: np.ndarray,
-    axis: np.ndarray,
-    power: np.ndarray,
-    f: float,
-    total: float,
-    g: np.ndarray,
+    points: np.ndarray, patch: Patch, power: np.ndarray, f: float, total: float, g: np.ndarray
 ) -> None:
     """See ``PatchEnergy.gradient``; total: the sum of ``power``."""
+    vertices, shapes, norm, slot = patch.vertices, patch.shapes, patch.norm, patch.slot
     g[:] = 0.0
     d = points.shape[1]
     e = np.empty((d, d))
@@ -294,4 +272,4 @@ def _gradient(
                     g[other * d + i] += part
                 if own >= 0:
                     g[own * d + i] -= part
-    _project(g, moving, dimension, axis)
+    _project(g, patch)

@@ -22,7 +22,7 @@ from dvr_cli.relax.directions import random_field
 from dvr_cli.relax.engines.numpy_engine import NumpyEngine
 from dvr_cli.relax.patches import phase as module
 from dvr_cli.relax.patches.phase import Neighbourhoods, relax_patches
-from dvr_cli.relax.patches.solver import PatchEnergy, solve_patch
+from dvr_cli.relax.patches.solver import Patch, PatchEnergy, solve_patch
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.relax.sweeps import relax
@@ -57,7 +57,7 @@ class Run:
 
 
 def patch_of(run, layers=1, seed=None):
-    """The patch around a corner, by default the worst, and what solving it takes."""
+    """Coordinates, and the patch around a corner, by default the worst."""
     touched, d = run.problem.touched, run.problem.dimension
     points = run.points[run.problem.order]
     corner = corner_qualities(points, touched).argmin() if seed is None else seed
@@ -66,7 +66,7 @@ def patch_of(run, layers=1, seed=None):
     slot = np.full(len(points), -1)
     slot[moving] = np.arange(len(moving))
     dimension, axis = np.full(len(points), d, dtype=np.uint8), np.zeros_like(points)
-    return points, moving, vertices, shapes, slot, SHAPES[d].norm, dimension, axis
+    return points, Patch(moving, vertices, shapes, slot, SHAPES[d].norm, dimension, axis)
 
 
 # ------------------------------------------------------------------------------------------- the guarantee
@@ -127,14 +127,13 @@ def test_patches_of_a_round_share_no_corner():
 @pytest.mark.parametrize("kind", KINDS)
 def test_gradient_against_differences(kind, squarings):
     run = Run(kind, 4)
-    parts = patch_of(run)
-    points, moving = parts[:2]
-    energy = PatchEnergy(*parts)
+    points, patch = patch_of(run)
+    energy = PatchEnergy(points, patch)
     reference = energy.badness().max()
     f, share = energy.norm(reference, squarings)
     gradient = energy.gradient(f, share)
     h = 1e-6 * energy.size
-    for slot, vertex in enumerate(moving):
+    for slot, vertex in enumerate(patch.moving):
         for i in range(points.shape[1]):
             at, values = points[vertex, i], []
             for step in (-h, h):
@@ -149,11 +148,11 @@ def test_gradient_against_differences(kind, squarings):
 def test_optimum_against_scipy(kind):
     """Maximise t subject to Q_c >= t, by SLSQP from where the solver ends: it finds hardly anything more."""
     run = Run(kind, 5)
-    parts = patch_of(run, layers=0)
-    points, moving, vertices, shapes = parts[:4]
-    corners = Simplices(vertices, shapes[:, None], SHAPES[vertices.shape[1] - 1])
+    points, patch = patch_of(run, layers=0)
+    moving, vertices = patch.moving, patch.vertices
+    corners = Simplices(vertices, patch.shapes[:, None], SHAPES[vertices.shape[1] - 1])
     before = corner_qualities(points, corners).min()
-    solve_patch(*parts)
+    solve_patch(points, patch)
     reached = corner_qualities(points, corners).min()
 
     def qualities(y):
