@@ -369,10 +369,12 @@ TABLE = (
     Option(
         "untangle",
         SWITCH,
-        False,
-        "Make inverted elements positive first, as dvr untangle does.",
+        None,
+        "Make inverted elements positive first, as dvr untangle does; default: with the default directions "
+        "where IN has any. Surfaces in space cannot be untangled.",
         SMOOTH,
         recorded=True,
+        shown=False,
     ),
     Option(
         "patches",

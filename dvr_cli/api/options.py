@@ -20,6 +20,11 @@ from dvr_cli.relax.engines.choice import choose_engine, has_numba, thread_count
 from dvr_cli.relax.stopping import Stopping
 
 BOUNDARIES = OPTIONS["boundary"].values.names  # each frees the vertices of those before it, and more
+# What the others of them keep of the input's shape, in words.
+BOUNDARY_KEEPS = {
+    "slide": "planes, straight edges, regions and groups keep their shape",
+    "project": "curved boundaries keep their shape to within --max-deviation",
+}
 
 # What a preset fixes; "paper" is the paper's Algorithm 1, which makes a given number of sweeps.
 PRESETS: dict[str, dict[str, Any]] = {
@@ -57,7 +62,8 @@ class SmoothOptions:
         that look like it; "none"; or an array of a number for each cell.
     shape: "auto", "ideal" or "input": what cells are measured against, see ``shapes.shaped``.
     straighten: take curved second-order cells as straight. stopping: when to stop.
-    untangle: make inverted elements positive first.
+    untangle: make inverted elements positive first; by default with the default directions where the input
+        has any and is no surface, see ``untangling.untangles``.
     patches: after the sweeps move the surroundings of the worst elements jointly, worst first; by default
         with the default directions if numba is installed, as it takes long without.
     polish: afterwards raise the mean quality, keeping all qualities above floor times the Q1 reached; by
@@ -82,7 +88,7 @@ class SmoothOptions:
     regions: Names | np.ndarray = ()
     shape: str = default("shape")
     straighten: bool = default("straighten")
-    untangle: bool = default("untangle")
+    untangle: bool | None = None
     patches: bool | None = None
     polish: bool | None = None
     floor: float = default("floor")
@@ -132,15 +138,15 @@ class SmoothOptions:
     @property
     def takes_patches(self) -> bool:
         """True if patches are to be relaxed."""
-        return self._is_free and has_numba() if self.patches is None else self.patches
+        return self.is_free and has_numba() if self.patches is None else self.patches
 
     @property
     def takes_polish(self) -> bool:
         """True if the run is to be polished."""
-        return self._is_free if self.polish is None else self.polish
+        return self.is_free if self.polish is None else self.polish
 
     @property
-    def _is_free(self) -> bool:
+    def is_free(self) -> bool:
         """True if nobody prescribed the directions in which vertices move."""
         return isinstance(self.directions, str) and self.directions == default("directions")
 

@@ -11,15 +11,15 @@ from typing import Protocol
 import numpy as np
 
 from dvr_cli.api.boundary import moves_of
-from dvr_cli.api.options import BOUNDARIES, SmoothOptions
+from dvr_cli.api.options import BOUNDARIES, BOUNDARY_KEEPS, SmoothOptions
 from dvr_cli.api.phases import Run
 from dvr_cli.api.shapes import shaped
-from dvr_cli.api.untangling import reference_quality, untangle_phase
-from dvr_cli.errors import InputError, OutputError
+from dvr_cli.api.untangling import reference_quality, tangled_left, untangle_phase, untangles
+from dvr_cli.errors import OutputError
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.curved import straightened
-from dvr_cli.quality.limits import Limit, limit_of
+from dvr_cli.quality.limits import FAIR, Limit, limit_of
 from dvr_cli.quality.measure import Quality, mean_quality, measure
 from dvr_cli.quality.vector import at_least
 from dvr_cli.relax.directions import direction_field
@@ -65,8 +65,6 @@ def smooth_mesh(
     kind = choose_engine(options.engine, vertices, sweeps, options.takes_patches)
     shapes = shaped(domain_of(mesh, options.straighten, kind.backend, options.region_choice), options.shape)
     domain = shapes.domain
-    if options.untangle and domain.is_surface:
-        raise InputError("a surface in space cannot be untangled; planar and volume meshes can")
     masks = options.selection.masks(mesh, domain)
     selected = np.logical_and.reduce([mesh.unlinked, ~shapes.held, *masks.values()])
     moves = moves_of(mesh, domain, options.boundary, selected, options.feature_angle)
@@ -75,6 +73,7 @@ def smooth_mesh(
         options.entries, domain, mesh.point_data, options.seed, options.center, options.axis
     )
     before = measure(domain, mesh.points, relaxed)
+    untangling = untangles(options, domain, before)
     start = time.perf_counter()
     parts = options.order, options.seed, kind.backend, moves.freedom
     problem = build_problem(domain.corners, moves.freedom.relaxed, domain.points, *parts)
@@ -83,7 +82,7 @@ def smooth_mesh(
     if means:
         on_sweep = _record_means(mean, engine, domain, on_sweep)
     run, reference = Run(domain, moves, engine, options, on_sweep, interrupted), before
-    if options.untangle:
+    if untangling:
         run.untangle()
         reference = reference_quality(measure(domain, domain.lift(mesh.points, run.points), relaxed), before)
     run.relax(field)
@@ -109,12 +108,14 @@ def smooth_mesh(
     if options.polish is None and run.points is not unpolished and not at_least(after.vector, before.vector):
         run.undo_polish(unpolished)
         points, after = result_of(run.points)
+    left = tangled_left(domain, moves, points, after)
     if run.untangling is not None:
-        run.phases.insert(0, untangle_phase(run.untangling, domain, moves.freedom, points))
+        run.phases.insert(0, untangle_phase(run.untangling, left))
     limited_by = None
-    nothing_to_gain = shapes.kept and after.minimum >= _PERFECT
-    if not nothing_to_gain and (run.stopped_because in _DONE or _is_capped(after)):
-        limited_by = _limit(mesh, domain, options, masks, selected, relaxed, points, after)
+    ended = run.stopped_because in _DONE or after.is_capped
+    if ended and not _has_nothing_to_gain(after, np.array_equal(points, mesh.points)):
+        mends = left["elements"] > left["hopeless"] and not untangling
+        limited_by = _limit(mesh, domain, options, masks, selected, relaxed, points, after, mends)
     plain = None
     if shapes.kept:
         plain = measure(shapes.plain, mesh.points, relaxed), measure(shapes.plain, points, relaxed)
@@ -129,10 +130,11 @@ def smooth_mesh(
         sweeps=[asdict(sweep) for sweep in run.sweeps],
         stopped_because=run.stopped_because,
         limited_by=limited_by,
+        left=left,
         seconds=seconds,
         engine=engine.name,
         threads=engine.threads,
-        options=options.record(),
+        options=options.record() | {"untangle": untangling},
         boundary=run.boundary,
     )
     for sweep in report.sweeps if means else []:
@@ -162,10 +164,12 @@ def _limit(
     relaxed: np.ndarray,
     points: np.ndarray,
     after: Quality,
+    untangling_helps: bool,
 ) -> Limit:
     """The limit of Q1; masks: for each option of selection the vertices that it lets move, (N,) bool.
 
     selected: (N,) bool, those that all of them and the shape leave to move. relaxed, after: as in the run.
+    untangling_helps: whether there are inverted elements that were not untangled and could be.
     """
     movable = relaxed
     if masks:
@@ -178,8 +182,8 @@ def _limit(
         moves = moves_of(mesh, domain.around(vertices), name, selected, options.feature_angle)
         return np.isin(vertices, moves.relaxed)
 
-    frees = {f"--boundary {name}": partial(freed, name) for name in others}
-    return limit_of(domain, points, relaxed, after, deselected, frees)
+    frees = {f"--boundary {name}": (partial(freed, name), BOUNDARY_KEEPS[name]) for name in others}
+    return limit_of(domain, points, relaxed, after, deselected, frees, untangling_helps)
 
 
 def _stored_result(
@@ -212,6 +216,10 @@ def is_worse(after: Quality, before: Quality) -> bool:
     return after.inverted > before.inverted or lower
 
 
-def _is_capped(quality: Quality) -> bool:
-    """True if the worst element has no relaxed vertex, so that relaxing on cannot improve it."""
-    return quality.q1 is None or quality.minimum < quality.q1
+def _has_nothing_to_gain(after: Quality, unmoved: bool) -> bool:
+    """True if no advice would help: all is fair, and what can move is perfect or ended where it began."""
+    if after.minimum >= _PERFECT:
+        return True
+    if after.q1 is None or after.minimum < FAIR:
+        return False
+    return after.q1 >= _PERFECT or (unmoved and not after.is_capped)

@@ -4,6 +4,7 @@ The reasons, in the order in which they are looked for:
 
 valence     the number of elements around a vertex or an edge, at the worst elements, allows little more
             than the worst quality, wherever the vertices move (see ``quality.fans``)
+tangled     the element is inverted, and nobody has tried to untangle it
 curved      a second-order element is inverted by its curved shape, not by its vertices
 selection   --fix, --only, --below or --vertices keeps a vertex that could move
 boundary    another treatment of the boundary would free a vertex
@@ -25,6 +26,7 @@ from dvr_cli.quality.measure import Element, Quality
 
 REACHED = 0.9  # share of what a valence allows from which on it counts as what limits,
 SEVERE = 0.95  # if it allows less than this
+FAIR = 0.5  # worst quality from which on a mesh is as good as solvers need it
 _REMESH = "only other elements help: remesh there"
 
 
@@ -32,9 +34,10 @@ _REMESH = "only other elements help: remesh there"
 class Limit:
     """The reason why the worst element of a mesh is no better.
 
-    kind: "valence", "curved", "selection", "boundary", "fixed-cap" or "balance". element: the worst one.
+    kind: "valence", "tangled", "curved", "selection", "boundary", "fixed-cap" or "balance".
+    element: the worst one.
     vertex: one that is the reason, None if none in particular is. text: the reason in words.
-    advice: what would help, in words.
+    advice: what would help, in words. keeps: what of the mesh's shape that would keep, or nothing.
     """
 
     kind: str
@@ -42,6 +45,7 @@ class Limit:
     element: Element
     text: str
     advice: str
+    keeps: str = ""
 
 
 def limit_of(
@@ -50,13 +54,15 @@ def limit_of(
     relaxed: np.ndarray,
     quality: Quality,
     deselected: Mapping[str, np.ndarray],
-    boundary: Mapping[str, Callable[[np.ndarray], np.ndarray]],
+    boundary: Mapping[str, tuple[Callable[[np.ndarray], np.ndarray], str]],
+    untangling_helps: bool = False,
 ) -> Limit:
     """The limit of the mesh with coordinates ``points`` (as its mesh gives them) and this quality.
 
     relaxed: (m,) the relaxed vertices. deselected: for each option that selects the vertices that could move
     and that it keeps, (N,) bool. boundary: for each option that would free vertices of the boundary a
-    function that says of (m,) vertices which could move then, (m,) bool.
+    function that says of (m,) vertices which could move then, (m,) bool, and what keeps its shape, in words.
+    untangling_helps: whether there are inverted elements that were not untangled and could be.
     """
     element = quality.worst[0]
     flat = domain.flatten(points)
@@ -71,6 +77,9 @@ def limit_of(
             where = f"{'vertex' if len(fan.vertices) == 1 else 'edge'} {'-'.join(map(str, fan.vertices))}"
             text = f"{fan.n} elements meet at {where}, which allows {fan.best:.4f} at best"
             return Limit("valence", fan.vertices[0], element, text, _REMESH)
+    if moves.any() and element.quality <= 0 and untangling_helps:
+        text = f"{element.cell_type} {element.cell} is not positive, and these directions do not make it so"
+        return Limit("tangled", None, element, text, "--untangle makes positive what it can")
     if element.quality <= 0 and _corners_are_positive(domain, flat, element):
         text = f"the curved shape of {element.cell_type} {element.cell} inverts it, not its vertices"
         return Limit("curved", None, element, text, "--straighten makes it straight")
@@ -81,12 +90,12 @@ def limit_of(
             return Limit("selection", int(held[0]), element, text, f"let vertex {held[0]} move, too")
     on_boundary = ~domain.interior[vertices]
     if (on_boundary & ~moves).any():
-        for option, frees in boundary.items():
+        for option, (frees, keeps) in boundary.items():
             freed = vertices[frees(vertices) & ~moves]
             if len(freed):
                 text = f"{name} has {on_boundary.sum()} of its {count} vertices on the boundary"
                 advice = f"{option} would free {len(freed)} of them"
-                return Limit("boundary", int(freed[0]), element, text, advice)
+                return Limit("boundary", int(freed[0]), element, text, advice, keeps)
     if not moves.any():
         return Limit("fixed-cap", None, element, f"none of the {count} vertices of {name} can move", _REMESH)
     if element.quality <= 0:

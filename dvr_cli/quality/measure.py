@@ -60,6 +60,11 @@ class Quality:
     vertices: np.ndarray
     elements: np.ndarray
 
+    @property
+    def is_capped(self) -> bool:
+        """True if the worst element has no relaxed vertex, so that relaxing on cannot improve it."""
+        return self.q1 is None or self.minimum < self.q1
+
 
 def measure(
     domain: Domain,

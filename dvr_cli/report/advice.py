@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvr_cli.quality.limits import FAIR
+
 if TYPE_CHECKING:
     from dvr_cli.report.records import QualityReport
-
-FAIR = 0.5  # worst quality from which on a mesh is as good as solvers need it
 
 
 def advice(report: QualityReport) -> str:
@@ -18,10 +18,12 @@ def advice(report: QualityReport) -> str:
         return f"every element has quality {FAIR:g} or better: no need to do anything"
     if report.mesh.curved and quality.inverted:
         return f"{poor} inverted or degenerate: dvr untangle --straighten takes curved cells as straight"
+    if poor and report.mesh.surface:
+        return f"{poor} inverted or degenerate: surfaces cannot be untangled, remesh there"
     if quality.q1 is None:
         return "no vertex lies inside the mesh: free those on the boundary, or remesh"
     if quality.fixed_cap is not None and quality.fixed_cap <= quality.minimum:
         return "the worst element has no vertex inside the mesh: free those on the boundary, or remesh there"
     if poor:
-        return f"{poor} inverted or degenerate: dvr smooth --untangle makes positive what it can"
+        return f"{poor} inverted or degenerate: dvr smooth makes positive what it can"
     return "dvr smooth can move vertices of the worst element to make it better"

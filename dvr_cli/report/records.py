@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from dvr_cli.quality.limits import Limit
 from dvr_cli.quality.measure import Quality
 from dvr_cli.relax.phases import MorphPhase, Phase, UntanglePhase
 from dvr_cli.relax.stopping import StopReason
+from dvr_cli.relax.untangle.causes import REASONS
 
 UNITS = {
     "quality": "mean ratio, from -1 to 1",
@@ -122,6 +123,7 @@ class SmoothReport:
         picture was asked for the mean quality of all elements (elements_mean).
     stopped_because: why it ended.
     limited_by: what holds the worst element where relaxing on would not, None if that is not known.
+    left: the elements that are inverted or degenerate in the end, by reason: as for untangling.
     boundary: what became of a boundary or surface that was projected, else None.
     seconds: time of the relaxation, reading and writing aside.
     shape: what cells were measured against. plain: where some were kept, the qualities before and after
@@ -140,6 +142,7 @@ class SmoothReport:
     engine: str
     threads: int
     options: dict[str, Any]
+    left: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(REASONS, 0))
     boundary: BoundaryChange | None = None
     shape: ShapeUse = ShapeUse("ideal", 0, 1.0)
     plain: tuple[Quality, Quality] | None = None
@@ -148,6 +151,11 @@ class SmoothReport:
     def untangling(self) -> UntanglePhase | None:
         """The phase of untangling, None if it was not asked for."""
         return next((phase for phase in self.phases if isinstance(phase, UntanglePhase)), None)
+
+    @property
+    def is_untouched(self) -> bool:
+        """True if the worst element has no relaxed vertex, and it is known what would free it."""
+        return self.after.is_capped and self.limited_by is not None
 
     @property
     def morphing(self) -> MorphPhase | None:
@@ -174,6 +182,7 @@ class SmoothReport:
             "sweeps": self.sweeps,
             "stopped_because": self.stopped_because,
             "limited_by": None if self.limited_by is None else asdict(self.limited_by),
+            "left": dict(self.left),
             "boundary": None if self.boundary is None else asdict(self.boundary),
             "shape": asdict(self.shape),
             "plain": None

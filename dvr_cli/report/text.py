@@ -65,14 +65,16 @@ def smooth_text(report: SmoothReport, source: str, output: str, width: int | Non
         *_ending(report),
         *_polishing(report),
         *_boundary(report.boundary),
-        *_limit(report.limited_by),
+        *([] if report.is_untouched else _limit(report.limited_by)),
         *_note_lines(mesh, report.after),
     ]
     if tangled := report.after.inverted + report.after.degenerate:
-        remedy = "" if report.untangling else "; --untangle mends what it can"
+        helps = report.untangling is None and not mesh.surface and tangled > report.left["hopeless"]
+        remedy = "; --untangle mends what it can" if helps else ""
         lines.append(f"note: {_count(tangled, 'inverted or degenerate element')} left{remedy}")
         lines += _tangled(report)
-    return "\n".join([f"{source} -> {output}", *(wrap(lines, width) if width else lines)])
+    untouched = wrap(_untouched(report), width) if width else _untouched(report)
+    return "\n".join([*untouched, f"{source} -> {output}", *(wrap(lines, width) if width else lines)])
 
 
 def comparison_text(comparison: Comparison, names: Sequence[str], width: int = WIDTH) -> str:
@@ -194,13 +196,13 @@ def _morphing(report: SmoothReport) -> list[str]:
 
 def _tangled(report: SmoothReport) -> list[str]:
     """The places of the worst elements that stay inverted, and the reasons as far as they are known."""
-    if report.untangling is None:
-        return []
-    worst = [element for element in report.after.worst if element.quality <= 0]
-    lines = [f"  {_digits(element.quality):>{_VALUE}}  {place(element, 6)}" for element in worst]
-    if count := report.untangling.left["hopeless"]:
+    lines = []
+    if report.untangling is not None:
+        worst = [element for element in report.after.worst if element.quality <= 0]
+        lines = [f"  {_digits(element.quality):>{_VALUE}}  {place(element, 6)}" for element in worst]
+    if count := report.left["hopeless"]:
         lines.append(f"  {count} of them with a corner whose vertices are all held: no movement helps")
-    if count := report.untangling.left["crossing"]:
+    if count := report.left["crossing"]:
         lines.append(f"  {count} of them near held facets that cross each other")
     return lines
 
@@ -243,6 +245,16 @@ def _why_none_moves(report: SmoothReport, selects: bool) -> str:
 
 def _limit(limit: Limit | None) -> list[str]:
     return [] if limit is None else [f"limited: {limit.text}", f"advice: {limit.advice}"]
+
+
+def _untouched(report: SmoothReport) -> list[str]:
+    """The worst element where no vertex of it was relaxed, what would free it, and what that keeps."""
+    limit = report.limited_by
+    if limit is None or not report.is_untouched:
+        return []
+    worst = f"{limit.element.cell_type} {limit.element.cell}, quality {_digits(limit.element.quality)}"
+    keeps = f", and {limit.keeps}" if limit.keeps else ""
+    return [f"not touched: the worst element ({worst}): {limit.text}; {limit.advice}{keeps}"]
 
 
 def _polishing(report: SmoothReport) -> list[str]:

@@ -148,7 +148,7 @@ def test_a_name_cannot_break_the_table(dvr, tmp_path):
     [
         ([*CORNERS, [0.5, 0.5]], FAN, "no need"),
         ([*CORNERS, [0.8, 0.9]], FAN, "dvr smooth can"),
-        ([*CORNERS, [1.2, 0.9]], FAN, "1 inverted or degenerate: dvr smooth --untangle"),
+        ([*CORNERS, [1.2, 0.9]], FAN, "1 inverted or degenerate: dvr smooth makes positive what it can"),
         ([*CORNERS[:2], [0.5, 0.1]], [[0, 1, 2]], "no vertex lies inside"),
         ([*CORNERS, [0.5, 0.5], [0.5, 1.01]], [*FAN, [3, 2, 5]], "the worst element has no vertex inside"),
     ],

@@ -80,3 +80,52 @@ def test_surfaces_in_space_are_refused(dvr, tmp_path):
     source = write(tmp_path / "in.msh", points, {"triangle": [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]})
     assert_one_line(dvr("untangle", source, tmp_path / "out.msh"), 3, "in.msh", "surface")
     assert not (tmp_path / "out.msh").exists()
+
+
+def test_smooth_untangles_by_default(dvr, tmp_path):
+    """Unless it is told not to, or along what to move; then it names the option."""
+    source, output = tangled(tmp_path / "in.msh"), tmp_path / "out.msh"
+    result = dvr("smooth", source, output, "--fail-below", "0")
+    assert result.code == 0
+    assert "every element that can be is positive" in result.err
+    report = read_json((tmp_path / "out.quality.json").read_text())
+    assert [phase["phase"] for phase in report["phases"]][:2] == ["untangle", "relax"]
+    assert report["options"]["untangle"] is True
+    for options in (["--no-untangle"], ["-d", "x"]):
+        result = dvr("smooth", source, output, *options)
+        report = read_json((tmp_path / "out.quality.json").read_text())
+        assert "untangle" not in [phase["phase"] for phase in report["phases"]]
+        assert report["options"]["untangle"] is False
+        assert report["after"]["inverted"] > 0
+        assert "advice: --untangle makes positive what it can" in result.err
+
+
+def test_no_sweeps_at_all_means_no_untangling_either(dvr, tmp_path):
+    source, output = tangled(tmp_path / "in.msh"), tmp_path / "out.msh"
+    assert dvr("smooth", source, output, "-n", "0").code == 0
+    assert output.read_bytes() == source.read_bytes()
+
+
+def test_an_element_that_is_inverted_because_it_is_held_is_said_to_be(dvr, tmp_path):
+    """A square in four around vertex 4, and on its right side a triangle that is folded into it."""
+    points = [[0, 0], [1, 0], [1, 1], [0, 1], [0.4, 0.4], [0.8, 0.5]]
+    cells = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [1, 5, 2]]
+    source = write(tmp_path / "in.msh", points, {"triangle": cells})
+    for directions in ("x", "steepest,random"):
+        result = dvr("smooth", source, tmp_path / "out.msh", "-d", directions)
+        first = result.err.split("\n")[0]
+        assert first.startswith("not touched: the worst element (triangle 4, quality -")
+        assert "none of the 3 vertices of triangle 4 can move" in first
+        assert "1 of them with a corner whose vertices are all held: no movement helps" in result.err
+        assert "--untangle" not in result.err
+
+
+def test_surfaces_are_not_untangled_by_default(dvr, tmp_path):
+    """Nor is there advice to do so: the tip of the tent is pushed over its side."""
+    points = [[0, 0, 0], [1, 0, 0], [1, 1, 0.5], [0, 1, 0], [1.4, 0.5, 1]]
+    source = write(tmp_path / "in.msh", points, {"triangle": [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]})
+    result = dvr("smooth", source, tmp_path / "out.msh")
+    assert result.code == 0
+    assert "--untangle" not in result.err
+    report = read_json((tmp_path / "out.quality.json").read_text())
+    assert "untangle" not in [phase["phase"] for phase in report["phases"]]
