@@ -1,20 +1,19 @@
-"""The Python interface, ``import dvr_cli``: arrays or ``meshio.Mesh`` in, arrays or ``meshio.Mesh`` out."""
+"""The Python interface, ``import dvr_cli``: arrays or a mesh of a known library in, and the same out."""
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from dvr_cli.api.adapters.registry import CellArrays, as_mesh, with_points
 from dvr_cli.api.boundary import usual_moves
 from dvr_cli.api.options import Names, SmoothOptions, check_known
 from dvr_cli.api.shapes import shaped
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.errors import UsageError
-from dvr_cli.mesh.convert import as_mesh, from_meshio
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.region_choice import RegionChoice
@@ -23,23 +22,21 @@ from dvr_cli.quality.measure import measure
 from dvr_cli.report.compare import Comparison, compare_qualities
 from dvr_cli.report.records import QualityReport, ShapeUse, SmoothReport, summarise
 
-if TYPE_CHECKING:
-    import meshio
-
 
 def smooth(
-    mesh: meshio.Mesh | np.ndarray,
-    cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None = None,
+    mesh: Any,
+    cells: CellArrays = None,
     **options: Any,
 ) -> tuple[Any, SmoothReport]:
     """Improve a mesh by directional vertex relaxation (the paper's Algorithm 1).
 
-    mesh: a ``meshio.Mesh``, or points (N, 2) or (N, 3) with ``cells`` as {type: (n, k) int} or pairs of these
-        (types and node order as in meshio). The input is not altered.
+    mesh: a ``meshio.Mesh``, ``pyvista.UnstructuredGrid`` or ``PolyData``, ``trimesh.Trimesh`` or mesh of
+        scikit-fem; or points (N, 2) or (N, 3) with ``cells`` as {type: (n, k) int}, pairs of these, or one
+        array (types and node order as in meshio). The input is not altered.
     options: by name those of ``dvr smooth --help``; see SmoothOptions, Selection and Stopping.
 
-    Returns (mesh, report): a new ``meshio.Mesh`` with the same cells and data, or the new points (N, 2|3),
-    and a report with the same figures as the command's. Q1 never decreases.
+    Returns (mesh, report): a new mesh of the same class with the same cells and data, or the new points
+    (N, 2|3), and a report with the same figures as the command's. Q1 never decreases.
     Raises UsageError for wrong options, InputError for meshes that cannot be relaxed.
 
     >>> import numpy as np, dvr_cli
@@ -54,8 +51,8 @@ def smooth(
 
 
 def untangle(
-    mesh: meshio.Mesh | np.ndarray,
-    cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None = None,
+    mesh: Any,
+    cells: CellArrays = None,
     **options: Any,
 ) -> tuple[Any, SmoothReport]:
     """Make inverted and degenerate elements positive where the held vertices allow it, and no more.
@@ -78,22 +75,18 @@ def untangle(
 
 
 def _smooth(
-    mesh: meshio.Mesh | np.ndarray,
-    cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None,
+    mesh: Any,
+    cells: CellArrays,
     options: SmoothOptions,
 ) -> tuple[Any, SmoothReport]:
     """Points or mesh, as they were handed over, and the report."""
     points, report = smooth_mesh(as_mesh(mesh, cells), options)
-    if isinstance(mesh, np.ndarray):
-        return points, report
-    moved = copy.copy(mesh)
-    moved.points = points
-    return moved, report
+    return with_points(mesh, points), report
 
 
 def quality_report(
-    mesh: meshio.Mesh | np.ndarray,
-    cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None = None,
+    mesh: Any,
+    cells: CellArrays = None,
     *,
     worst: int = 10,
     regions: Names | np.ndarray = (),
@@ -107,14 +100,14 @@ def quality_report(
     return mesh_quality(as_mesh(mesh, cells), worst, SmoothOptions(regions=regions).region_choice)
 
 
-def compare(before: meshio.Mesh, *after: meshio.Mesh) -> Comparison:
+def compare(before: Any, *after: Any) -> Comparison:
     """Rank meshes of one connectivity in the paper's ordering of quality vectors (eq. 2).
 
     Raises UsageError for one mesh alone, InputError when their cells differ.
     """
     if not after:
         raise UsageError("compare: two or more meshes are needed")
-    return compare_meshes([from_meshio(mesh) for mesh in (before, *after)])
+    return compare_meshes([as_mesh(mesh, None) for mesh in (before, *after)])
 
 
 def mesh_quality(mesh: Mesh, worst: int = 10, regions: RegionChoice = ()) -> QualityReport:

@@ -6,19 +6,19 @@ costs its sweeps and little else.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from dvr_cli.api.adapters.registry import CellArrays, as_mesh
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.shapes import shaped
 from dvr_cli.api.smoothing import is_worse
 from dvr_cli.boundary.freedom import interior_freedom
 from dvr_cli.errors import InputError, UsageError
-from dvr_cli.mesh.convert import as_mesh
 from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.domain import Domain, check_coordinates, domain_of
 from dvr_cli.mesh.mesh import Mesh
@@ -33,10 +33,6 @@ from dvr_cli.relax.harmonic import edges_of, spread
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import StopReason
 from dvr_cli.relax.sweeps import Sweep, relax
-
-if TYPE_CHECKING:
-    import meshio
-
 
 _INTACT = 0.5  # quality relative to its shape above which a cell of a layer is left as displacing put it
 
@@ -82,8 +78,8 @@ class Relaxer:
 
     def __init__(
         self,
-        mesh: meshio.Mesh | np.ndarray,
-        cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None = None,
+        mesh: Any,
+        cells: CellArrays = None,
         **options: Any,
     ) -> None:
         """Set up a mesh given as to ``dvr_cli.smooth``, with the same errors.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dvr_cli.errors import UsageError
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 
 if TYPE_CHECKING:
@@ -44,25 +45,39 @@ def to_meshio(mesh: Mesh, points: np.ndarray) -> meshio.Mesh:
     )
 
 
-def as_mesh(
-    mesh: meshio.Mesh | np.ndarray,
-    cells: Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None,
+def from_arrays(
+    points: np.ndarray,
+    cells: np.ndarray | Mapping[str, np.ndarray] | Sequence[tuple[str, np.ndarray]] | None,
 ) -> Mesh:
-    """A Mesh from a ``meshio.Mesh``, or points (N, 2|3) and cells as {type: (n, k)} or such pairs.
+    """A Mesh from points (N, 2|3) and cells as {type: (n, k)}, such pairs, or one array (n, k) of one type.
 
-    Raises UsageError for anything else, points without cells and points of another shape.
+    Raises UsageError for points without cells, points of another shape, and an array whose number of columns
+    does not say which type its cells have.
     """
-    if not isinstance(mesh, np.ndarray):
-        if not hasattr(mesh, "points"):
-            kind = type(mesh).__name__
-            raise UsageError(f"mesh: a meshio.Mesh or a NumPy array of points is needed, not a {kind}")
-        return from_meshio(mesh)
     if cells is None:
         raise UsageError("cells: needed when points are given")
-    if mesh.ndim != 2 or mesh.shape[1] not in (2, 3):
-        raise UsageError(f"points: shape {mesh.shape} is not (N, 2) or (N, 3)")
-    pairs = cells.items() if isinstance(cells, Mapping) else cells
-    return Mesh(np.array(mesh, dtype=np.float64), [Cells(name, np.asarray(array)) for name, array in pairs])
+    if points.ndim != 2 or points.shape[1] not in (2, 3):
+        raise UsageError(f"points: shape {points.shape} is not (N, 2) or (N, 3)")
+    if isinstance(cells, np.ndarray):
+        pairs: Sequence[tuple[str, np.ndarray]] = [(_only_type(cells, points.shape[1]), cells)]
+    else:
+        pairs = list(cells.items()) if isinstance(cells, Mapping) else cells
+    return Mesh(np.array(points, dtype=np.float64), [Cells(name, np.asarray(array)) for name, array in pairs])
+
+
+def _only_type(cells: np.ndarray, dimension: int) -> str:
+    """The one cell type with as many nodes as an array (n, k) has columns, in a plane or in space."""
+    names = [
+        kind.name
+        for kind in CELL_TYPES.values()
+        if cells.ndim == 2 and kind.nodes == cells.shape[1] and 2 <= kind.dimension <= dimension
+    ]
+    if len(names) == 1:
+        return names[0]
+    if not names:
+        raise UsageError(f"cells: shape {cells.shape} is not (n, k) with the k nodes of a cell type")
+    ways = " or ".join(f'{{"{name}": cells}}' for name in names)
+    raise UsageError(f"cells: {cells.shape[1]} columns may be several types; give {ways}")
 
 
 def _native(array: np.ndarray) -> np.ndarray:
