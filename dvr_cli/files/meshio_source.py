@@ -18,6 +18,7 @@ import numpy as np
 
 from dvr_cli.errors import DvrError, InputError, OutputError, UsageError
 from dvr_cli.files.formats import format_named
+from dvr_cli.files.losses import lost
 from dvr_cli.files.source import InputFile, Source
 from dvr_cli.mesh.convert import from_meshio, to_meshio
 from dvr_cli.mesh.mesh import Mesh
@@ -131,73 +132,9 @@ def _guarded(error: type[DvrError], what: str) -> Iterator[io.StringIO]:
         raise error(f"{what}: {reason}") from cause
 
 
-def lost(mesh: Mesh, back: Mesh, points: np.ndarray) -> list[str]:
-    """The parts of ``mesh`` that are not in ``back``, as one line a kind."""
-    lost = []
-    if not np.array_equal(back.points[:, : points.shape[1]], points):
-        difference = np.abs(back.points[:, : points.shape[1]] - points).max()
-        lost.append(f"coordinates are rounded, by up to {difference:.2g}")
-    in_order = _cells(mesh) == _cells(back)
-    if not in_order:
-        lost.append("the order of the cells is not kept")
-    lost += _lost_data("point data", mesh.point_data, back.point_data)
-    if in_order:
-        old, new = _joined(mesh.cell_data), _joined(back.cell_data)
-        lost += _lost_data("cell data", old, new)
-    else:
-        missing = mesh.cell_data.keys() - back.cell_data.keys()
-        lost += [f"cell data not kept: {', '.join(sorted(missing))}"] if missing else []
-    missing = _group_names(mesh) - _group_names(back)
-    lost += [f"names of groups not kept: {', '.join(sorted(missing))}"] if missing else []
-    if len(mesh.periodic) > len(back.periodic):
-        lost.append("periodic links are not kept")
-    return lost
-
-
-def _lost_data(kind: str, old: dict[str, np.ndarray], new: dict[str, np.ndarray]) -> list[str]:
-    """Those of the arrays ``old`` that are gone, go by another name or have other values in ``new``."""
-    lost = []
-    missing = old.keys() - new.keys()
-    for name in sorted(missing):
-        for other in sorted(new.keys() - old.keys()):
-            if name in missing and np.array_equal(old[name], new[other]):
-                lost.append(f"{kind} {name} is kept as {other}")
-                missing.discard(name)
-    if missing:
-        lost.append(f"{kind} not kept: {', '.join(sorted(missing))}")
-    changed = [name for name in sorted(old.keys() & new.keys()) if not _equal(old[name], new[name])]
-    if changed:
-        lost.append(f"{kind} with other values or shapes: {', '.join(changed)}")
-    return lost
-
-
-def _group_names(mesh: Mesh) -> set[str]:
-    return {*mesh.field_data, *mesh.cell_sets, *mesh.point_sets, *mesh.facet_sets}
-
-
-def _equal(old: np.ndarray, new: np.ndarray) -> bool:
-    return old.shape == new.shape and bool(((old == new) | ((old != old) & (new != new))).all())
-
-
-def _joined(cell_data: dict[str, list[np.ndarray]]) -> dict[str, np.ndarray]:
-    """Cell data with one array a name, as blocks may have been joined."""
-    return {name: np.concatenate(blocks) for name, blocks in cell_data.items() if blocks}
-
-
 def _count(mesh: Mesh) -> tuple[int, dict[str, int]]:
     """Number of vertices, and of cells by type."""
     cells: dict[str, int] = {}
     for block in mesh.cells:
         cells[block.type] = cells.get(block.type, 0) + len(block.vertices)
     return len(mesh.points), {name: n for name, n in cells.items() if n}
-
-
-def _cells(mesh: Mesh) -> list[tuple[str, bytes]]:
-    """Cells in comparable form, adjacent blocks of one type joined."""
-    joined: list[tuple[str, list[np.ndarray]]] = []
-    for block in mesh.cells:
-        if joined and joined[-1][0] == block.type:
-            joined[-1][1].append(block.vertices)
-        elif len(block.vertices):
-            joined.append((block.type, [block.vertices]))
-    return [(name, np.concatenate(parts).astype(np.int64).tobytes()) for name, parts in joined]

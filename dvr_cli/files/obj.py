@@ -11,6 +11,7 @@ import re
 import numpy as np
 
 from dvr_cli.errors import InputError
+from dvr_cli.files.losses import number_not_kept
 from dvr_cli.files.numbers_in_text import Rows, inside_spans, is_blank, shown
 from dvr_cli.files.patched_text import PatchedText
 from dvr_cli.files.vtk.cells import POLY_LINE, POLY_VERTEX, POLYGON, CellList, blocks_of, joined
@@ -23,7 +24,7 @@ _UNSUPPORTED = {
     b"fo": "face outlines (superseded form of f)",
 }
 _GROUPING = (b"g", b"o", b"usemtl")
-_BEYOND = {"vt": "texture coordinates", "vn": "normals"}
+_BEYOND = {"vt": "texture coordinate", "vn": "normal"}
 _CONTINUED = re.compile(rb"\\\r?\n")
 _INDENT = re.compile(rb"[ \t\v\f]*")
 _KEYWORD = re.compile(rb"[A-Za-z][A-Za-z0-9_]*")
@@ -43,8 +44,6 @@ def read(data: bytes) -> PatchedText:
     part of the format are passed over, as every reader of OBJ does.
     """
     lines = _Lines(data)
-    beyond = [what for keyword, what in _BEYOND.items() if lines.begin_with(keyword).any()]
-    beyond += ["materials"] if b"usemtl" in data else []
     is_v = lines.begin_with("v")
     points, starts, ends = _read_vertices(lines, is_v)
     statements = [
@@ -61,7 +60,11 @@ def read(data: bytes) -> PatchedText:
     sets = {name: [np.flatnonzero(np.isin(g, members)) for g in groups] for name, members in named.items()}
     mesh = Mesh(points, blocks, cell_data={"obj:group": groups}, cell_sets=sets)
     source = PatchedText("obj", data, mesh, starts, ends)
-    source.unread = [f"{' and '.join(beyond)} are not kept"] if beyond else []
+    source.unread = [
+        line
+        for keyword, what in _BEYOND.items()
+        for line in number_not_kept(int(lines.begin_with(keyword).sum()), what)
+    ]
     return source
 
 

@@ -151,7 +151,7 @@ def test_names_in_an_obj_file(dvr, tmp_path):
 
 def test_the_names_of_obj_groups_are_missed_in_other_formats(dvr, tmp_path):
     result = dvr("smooth", SAMPLES / "panel.obj", tmp_path / "out.vtk", "-n", "1")
-    assert "names of groups not kept: left, panel, right\n" in result.err
+    assert "not kept: 3 cell sets (left, panel, right)\n" in result.err
 
 
 def test_references_of_a_medit_file(dvr, tmp_path):

@@ -196,9 +196,9 @@ class TestConversion:
         assert source.notes == [
             "its drawing is not kept",
             "the order of the cells is not kept",
-            "point data not kept: a,b",
-            "cell data not kept: gmsh:physical",
-            "names of groups not kept: body",
+            "not kept: 1 point field (a,b)",
+            "not kept: 1 cell field (gmsh:physical)",
+            "not kept: 1 group name (body)",
         ]
         out = written(source, points)
         back = read(out).mesh

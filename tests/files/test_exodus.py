@@ -142,7 +142,7 @@ def test_blocks_sets_and_variables():
     assert np.array_equal(mesh.point_data["disp"], 200 + np.arange(n)[:, None] / n + np.arange(1, 4))
     assert mesh.cell_data["stress"][0].tolist() == (14.0 + np.arange(70)).tolist()
     assert np.isnan(mesh.cell_data["stress"][1]).all()
-    assert source.unread == ["3 time steps", "2 QA records", "numbers of nodes"]
+    assert source.unread == ["not kept: 3 time steps", "not kept: 2 QA records", "not kept: numbers of nodes"]
 
 
 def test_all_variants_hold_the_same_mesh():

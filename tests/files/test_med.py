@@ -100,7 +100,7 @@ def test_groups_are_cell_sets_and_families_regions(boxes):
     assert sizes["corner"] == 1
     assert sizes["wall"] > 0
     assert len(np.unique(mesh.cell_data["med:family"][tetra])) == 2
-    assert source.unread == ["numbers of nodes", "numbers of cells"]
+    assert source.unread == ["not kept: numbers of nodes", "not kept: numbers of cells"]
 
 
 def test_groups_of_nodes_by_h5py(boxes):
@@ -174,7 +174,7 @@ def test_one_of_several_meshes_is_chosen_by_name(boxes, tmp_path):
     new = written(source, source.mesh.points + 1)
     (changed_path,) = differences(hdf5_objects(data), hdf5_objects(new))
     assert changed_path.startswith("/ENS_MAA/another/")
-    assert source.unread[0] == "1 other mesh"
+    assert source.unread[0] == "not kept: 1 other mesh"
     path = tmp_path / "two.med"
     path.write_bytes(data)
     assert np.array_equal(open_mesh(path, mesh_name="another").mesh.points, source.mesh.points)

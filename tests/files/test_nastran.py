@@ -486,9 +486,9 @@ class TestConversion:
         source = convert(mesh, [])
         assert source.stored(points).tolist() == points.tolist()
         assert source.notes == [
-            "cell data medit:ref is kept as nastran:property",
-            "1 cells of type vertex or line3 are not kept",
-            "point data not kept: h",
+            "the cell field medit:ref is kept as nastran:property",
+            "not kept: 1 cell of type vertex or line3",
+            "not kept: 1 point field (h)",
         ]
         back = opened(written(source, points)).mesh
         assert back.cell_data["nastran:property"][0].tolist() == [7, 9]

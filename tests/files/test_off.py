@@ -67,14 +67,14 @@ def test_points_and_faces():
         ("triangle", [[0, 1, 4], [3, 0, 4], [1, 5, 2]]),
         ("quad", [[1, 2, 3, 4]]),
     ]
-    assert source.unread == ["colours are not kept"]
+    assert source.unread == ["not kept: colours"]
     assert np.flatnonzero(domain_of(source.mesh).interior).tolist() == [4]
 
 
 def test_other_headers():
     source = read(COLOURED)
     assert cells_of(source.mesh) == [("triangle", [[0, 1, 2]])]
-    assert source.unread == ["texture coordinates and colours and normals are not kept"]
+    assert source.unread == ["not kept: texture coordinates, colours, normals"]
     assert cells_of(read(BARE).mesh) == [("triangle", [[0, 1, 2]])]
     assert cells_of(read(MANY).mesh) == [
         ("vertex", [[5]]),
@@ -87,7 +87,7 @@ def test_binary():
     source = read(BINARY)
     assert source.mesh.points.tolist() == POINTS
     assert cells_of(source.mesh) == [("triangle", [[0, 1, 4], [3, 0, 4]]), ("quad", [[1, 2, 3, 4]])]
-    assert source.unread == ["colours are not kept"]
+    assert source.unread == ["not kept: colours"]
     points = source.mesh.points.copy()
     points[4, 1] = 1 / 3
     before, after = (struct.pack(">7f", 0.75, y, 0, 1, 0, 0, 1) for y in (1.25, 1 / 3))
@@ -161,7 +161,7 @@ class TestConversion:
         points = self.mesh().points + 1 / 3
         assert source.stored(points).tolist() == points.tolist()
         assert source.notes[0] == "its drawing is not kept"
-        assert "vertices and lines that are cells are not kept: 1" in source.notes
+        assert "not kept: 1 cell of type vertex or line" in source.notes
         assert any("gmsh:physical" in note for note in source.notes)
         assert any("wall" in note for note in source.notes)
         path = tmp_path / "x.off"

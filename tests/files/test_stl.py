@@ -93,7 +93,7 @@ def test_equal_coordinates_are_one_vertex(name):
     assert block.type == "triangle"
     assert block.vertices.tolist() == [[0, 1, 2], [3, 0, 2], [1, 4, 2], [4, 3, 2]]
     assert solids == ([0, 0, 1, 1] if text else [0, 0, 0, 0])
-    assert source.unread == ["facets with two corners in one place are not kept: 1"]
+    assert source.unread == ["not kept: 1 facet of two corners in one place"]
     if text:
         key = "left  wall" if name == "text" else "LEFT  WALL"
         assert {set_: cells[0].tolist() for set_, cells in mesh.cell_sets.items()} == {key: [0, 1]}
@@ -299,9 +299,9 @@ def test_what_stl_cannot_keep_is_said(tmp_path, capsys):
     assert smooth(source, tmp_path / "out.stl") == 0
     error = capsys.readouterr().err
     for words in (
-        "cells not kept: 1 line\n",
-        "cell data not kept: medit:ref\n",
-        "vertices without triangles not kept: 1\n",
+        "not kept: 1 line cell\n",
+        "not kept: 1 cell field (medit:ref)\n",
+        "not kept: 1 point of no triangle\n",
         "coordinates are rounded to 32 bits\n",
     ):
         assert words in error

@@ -158,7 +158,9 @@ def test_points_cells_and_markers():
         "far field": [2, 1],
     }
     assert np.flatnonzero(group_vertices(mesh, "lower")).tolist() == [0, 1]
-    assert source.unread == ["not kept: statements FFD_NBOX, FFD_TAG, FFD_CORNER_POINTS, FFD_SURFACE_POINTS"]
+    assert source.unread == [
+        "not kept: 4 kinds of statement (FFD_CORNER_POINTS, FFD_NBOX, FFD_SURFACE_POINTS, FFD_TAG)"
+    ]
     assert np.flatnonzero(domain_of(mesh).interior).tolist() == [4]
 
 
@@ -265,10 +267,10 @@ class TestConversion:
         assert source.stored(points).tolist() == points.tolist()
         assert source.notes == [
             "its drawing is not kept",
-            "1 cells of dimension below 1 are not kept",
-            "names of groups not kept: inside",
-            "cell data not kept: gmsh:physical",
-            "point data not kept: h",
+            "not kept: 1 cell of dimension below 1",
+            "not kept: 1 group name (inside)",
+            "not kept: 1 cell field (gmsh:physical)",
+            "not kept: 1 point field (h)",
         ]
         out = written(source, points)
         back = read(out).mesh

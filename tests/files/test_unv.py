@@ -147,7 +147,7 @@ def test_groups_and_what_else_there_is():
     assert [members.tolist() for members in mesh.cell_sets["left half"]] == [[0, 1], [0], [], []]
     assert mesh.point_sets["corner"].tolist() == [0, 7]
     assert [tags.tolist() for tags in mesh.cell_data["unv:group"]] == [[1, 1], [1, 0, 0, 0, 0, 0], [0], [0]]
-    assert source.unread == ["not kept: datasets 2414"]
+    assert source.unread == ["not kept: 1 dataset of kind 2414"]
 
 
 def test_interfaces_stay():

@@ -18,6 +18,11 @@ from sources import bits, written
 from vtk_corpus import arrays, cells, coordinates, corpus, everything_but_coordinates, read_with_vtk
 
 FILES = sorted(corpus())
+BEYOND = [
+    "not kept: 1 field array (TIME)",
+    "not kept: 3 string arrays (history of the run, some words, variants)",
+    "not kept: 1 lookup table (lookup_table)",
+]
 
 
 def files_named(*beginnings: str) -> list[str]:
@@ -51,7 +56,7 @@ def points_section(data: bytes, n: int, binary: bool) -> tuple[int, int]:
 def test_unmoved_is_identical(name):
     data = corpus()[name]
     source = vtk.read(data)
-    assert source.unread == []
+    assert source.unread == (BEYOND if name.startswith("with_data") else [])
     assert written(source, source.mesh.points.copy()) == data
 
 

@@ -207,7 +207,7 @@ def test_data_that_not_all_pieces_have_are_named():
     data = TWO % (PIECE % (SQUARE, of_cells(b"Int32", b"material", b"1 2")) + PIECE % (SQUARE, b""))
     source = read(data)
     assert source.mesh.cell_data == {}
-    assert source.unread == ["data that are no numbers, or not in all pieces: material"]
+    assert source.unread == ["not kept: 1 array of a part (material)"]
 
 
 @pytest.mark.parametrize(

@@ -276,13 +276,16 @@ def test_what_a_format_cannot_keep_is_said(tmp_path, capsys):
         field_data={"sheet": np.array([5, 2])},
     )
     expected = {
-        "vtk": ["names of groups not kept: sheet"],
+        "vtk": ["not kept: 1 group name (sheet)"],
         "mesh": [
-            "cell data gmsh:physical is kept as medit:ref",
-            "cell data not kept: gmsh:geometrical",
-            "names of groups not kept: sheet",
+            "the cell field gmsh:physical is kept as medit:ref",
+            "not kept: 1 cell field (gmsh:geometrical)",
+            "not kept: 1 group name (sheet)",
         ],
-        "off": ["cell data not kept: gmsh:geometrical, gmsh:physical", "names of groups not kept: sheet"],
+        "off": [
+            "not kept: 2 cell fields (gmsh:geometrical, gmsh:physical)",
+            "not kept: 1 group name (sheet)",
+        ],
     }
     for suffix, lines in expected.items():
         output = tmp_path / f"out.{suffix}"
@@ -298,7 +301,7 @@ def test_data_whose_values_change_are_said(tmp_path, capsys):
     assert Output(open_mesh(source), tmp_path / "out.vtu").notes == []
     column = MeshioSource(mesh, "vtk")
     column.stored(mesh.points)
-    assert column.notes == ["point data with other values or shapes: u"]
+    assert column.notes == ["1 point field with other values or shapes: u"]
 
 
 def test_what_is_beyond_the_mesh_of_an_obj_is_said_in_other_formats(tmp_path, capsys):
@@ -309,7 +312,10 @@ def test_what_is_beyond_the_mesh_of_an_obj_is_said_in_other_formats(tmp_path, ca
     assert smooth(source, tmp_path / "out.obj") == 0
     assert "note:" not in capsys.readouterr().err
     assert smooth(source, tmp_path / "out.vtu") == 0
-    assert "texture coordinates and materials are not kept\n" in capsys.readouterr().err
+    assert re.findall(r"note: .*?: (.*)\n", capsys.readouterr().err) == [
+        "not kept: 1 texture coordinate",
+        "not kept: 1 cell set (red)",
+    ]
 
 
 def test_binary_medit_is_told_by_its_suffix(tmp_path):

@@ -186,7 +186,7 @@ def test_tags_of_dolfinx_are_data_and_cells(tmp_path):
     ]
     assert [b.tolist() for b in source.mesh.cell_data["cell_tags"]] == [[0, 0, 7, 7, 9], [0, 0]]
     assert [b.tolist() for b in source.mesh.cell_data["facet_tags"]] == [[0] * 5, [4, 5]]
-    assert source.unread == ["1 steps of a series in time"]
+    assert source.unread == ["not kept: 1 step of a series in time"]
     assert source.mesh.points.shape == (6, 2)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from dvr_cli.errors import OutputError
 from dvr_cli.files.abaqus.numbers import text_of
 from dvr_cli.files.abaqus.types import NODE_ORDER
+from dvr_cli.files.losses import links_not_kept, not_kept
 from dvr_cli.files.source import Source
 from dvr_cli.mesh.cell_types import topological_dimension
 from dvr_cli.mesh.mesh import Cells, Mesh
@@ -176,9 +177,6 @@ def _losses(mesh: Mesh, written: list[int]) -> list[str]:
     for b, block in enumerate(mesh.cells):
         if b not in written and len(block.vertices):
             lost.append(f"{len(block.vertices)} {block.type} cells: kept as node sets of their groups only")
-    fields = sorted(mesh.cell_data.keys() - set(_tags(mesh)))
-    lost += [f"cell data not kept: {', '.join(fields)}"] if fields else []
-    lost += [f"point data not kept: {', '.join(sorted(mesh.point_data))}"] if mesh.point_data else []
-    lost += [f"named facets not kept: {', '.join(sorted(mesh.facet_sets))}"] if mesh.facet_sets else []
-    lost += ["periodic links are not kept"] if len(mesh.periodic) else []
-    return lost
+    lost += not_kept(mesh.cell_data.keys() - set(_tags(mesh)), "cell field")
+    lost += not_kept(mesh.point_data, "point field") + not_kept(mesh.facet_sets, "facet set")
+    return [*lost, *links_not_kept(mesh)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from dvr_cli.errors import OutputError
 from dvr_cli.files.avsucd.source import MATERIAL, NODE_ORDER, TYPES, read
-from dvr_cli.files.meshio_source import lost
+from dvr_cli.files.losses import lost
 from dvr_cli.files.source import Source
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.regions import region_names

@@ -19,6 +19,7 @@ import numpy as np
 
 from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh.tags import TagIndex, first_repeated
+from dvr_cli.files.losses import number_not_kept
 from dvr_cli.files.numbers_in_text import shown
 from dvr_cli.files.patched_text import PatchedText, TextLines
 from dvr_cli.mesh.cell_types import CELL_TYPES
@@ -65,7 +66,7 @@ def read(data: bytes) -> PatchedText:
     at = 1 + n + n_cells
     point_data, at = _read_data(lines, at, on_nodes, index, n, "node")
     by_cell, at = _read_data(lines, at, on_cells, TagIndex(ids), n_cells, "cell")
-    unread = [f"not kept: data of the whole model, {on_model}"] if on_model else []
+    unread = number_not_kept(on_model, "value of the whole model")
     if len(lines) > at and not on_model:
         raise lines.refusal(at, "there is more than the first line says")
     cell_data = {MATERIAL: materials}

@@ -9,6 +9,7 @@ from dvr_cli.files import hdf5
 from dvr_cli.files.cgns.nodes import Node, children, integers_of
 from dvr_cli.files.cgns.zones import Zone, is_unstructured, read_zone
 from dvr_cli.files.container import ContainerSource
+from dvr_cli.files.losses import number_not_kept
 from dvr_cli.mesh.groups import topological_dimension
 from dvr_cli.mesh.mesh import Cells, Mesh
 
@@ -169,10 +170,4 @@ def _beyond_mesh(base: Node) -> list[str]:
         for child in children(node, *_BEYOND).values():
             what = _BEYOND[child.label]
             counts[what] = counts.get(what, 0) + 1
-    return [_counted(count, what) for what, count in counts.items()]
-
-
-def _counted(count: int, what: str) -> str:
-    first, of, rest = what.partition(" of ")
-    plural = first[:-1] + "ies" if first.endswith("y") else first + "s"
-    return f"1 {what}" if count == 1 else f"{count} {plural}{of}{rest}"
+    return [line for what, count in counts.items() for line in number_not_kept(count, what)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dvr_cli.files.losses import number_not_kept
 from dvr_cli.files.netcdf import NetCDF
 
 # dimension: what it counts
@@ -36,16 +37,9 @@ _NUMBERED = {
 
 def beyond_mesh(file: NetCDF) -> list[str]:
     """One line for each kind of thing in the file that is not in the mesh read from it."""
-    lines = [_counted(file.length(name), what) for name, what in _COUNTED.items() if file.length(name)]
+    lines = [
+        line for name, what in _COUNTED.items() for line in number_not_kept(file.length(name) or 0, what)
+    ]
     for start, what in _LISTED.items():
-        count = sum(name.startswith(start) for name in file.names)
-        lines += [_counted(count, what)] if count else []
-    return lines + [what for name, what in _NUMBERED.items() if name in file]
-
-
-def _counted(count: int, what: str) -> str:
-    if count == 1:
-        return f"1 {what}"
-    first, space, rest = what.partition(" of ")
-    plural = first[:-1] + "ies" if first.endswith("y") else first + "s"
-    return f"{count} {plural}{space}{rest}"
+        lines += number_not_kept(sum(name.startswith(start) for name in file.names), what)
+    return lines + [f"not kept: {what}" for name, what in _NUMBERED.items() if name in file]

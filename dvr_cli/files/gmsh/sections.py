@@ -32,12 +32,15 @@ class Section(NamedTuple):
 class Sections(NamedTuple):
     """The sections dvr reads: those that occur at most once by name, and the views in file order.
 
+    others: the names of those it passes over, comments aside.
+
     $ParametricNodes of MSH 2 and $NOD of MSH 1 take the place of $Nodes and are found under that name, $ELM
     under that of $Elements.
     """
 
     once: dict[str, Section]
     views: list[Section]
+    others: list[str]
 
 
 class Header(NamedTuple):
@@ -51,6 +54,7 @@ def find_sections(data: bytes) -> Sections:
     """Locate the sections of a file; InputError if it is not made of sections or repeats one."""
     once: dict[str, Section] = {}
     views: list[Section] = []
+    others: list[str] = []
     end = 0
     while not _BLANK.match(data, end):
         section = _next_section(data, end)
@@ -60,7 +64,9 @@ def find_sections(data: bytes) -> Sections:
             views.append(section)
         elif key in _ONCE and once.setdefault(key, section) is not section:
             raise InputError(f"the file has more than one ${key} section")
-    return Sections(once, views)
+        elif key not in _ONCE and key != "Comments":
+            others.append(key)
+    return Sections(once, views, others)
 
 
 def _next_section(data: bytes, at: int) -> Section:

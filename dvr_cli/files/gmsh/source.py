@@ -6,19 +6,21 @@ file is kept and on writing only the coordinates in it are replaced.
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import BinaryIO
 
 import numpy as np
 
 from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh import msh1, msh2, msh3, msh4
-from dvr_cli.files.gmsh.data import read_physical_names, read_view
+from dvr_cli.files.gmsh.data import View, read_physical_names, read_view
 from dvr_cli.files.gmsh.elements import Elements
 from dvr_cli.files.gmsh.mesh import make_mesh
 from dvr_cli.files.gmsh.nodes import NodeBlocks, Nodes
 from dvr_cli.files.gmsh.numbers import read_numbers
 from dvr_cli.files.gmsh.patch import patch_nodes
-from dvr_cli.files.gmsh.sections import Header, Section, find_sections, read_header
+from dvr_cli.files.gmsh.sections import Header, Section, Sections, find_sections, read_header
+from dvr_cli.files.losses import number_not_kept
 from dvr_cli.files.source import Source, differing
 from dvr_cli.mesh.mesh import Mesh
 
@@ -82,8 +84,19 @@ def read(data: bytes) -> GmshSource:
             nodes, elements, names, periodic, [view for view in views if view], repeated=version in "12"
         )
     source = GmshSource(data, mesh, header, once["Nodes"], nodes.blocks)
-    source.unread += [f"not kept: {left_out} elements between partitions"] if left_out else []
+    source.unread = number_not_kept(left_out, "element between partitions") + _beyond(sections, views)
     return source
+
+
+def _beyond(sections: Sections, views: list[View | None]) -> list[str]:
+    """The lines about sections that are passed over, and about views and steps of them that are no fields."""
+    steps = {(view.name, view.on_nodes, view.step) for view in views if view}
+    last = {(name, on_nodes) for name, on_nodes, _ in steps}
+    lines = number_not_kept(len(steps) - len(last), "step of a field")
+    lines += number_not_kept(views.count(None), "field of neither numbers, vectors nor tensors")
+    for name, count in Counter(sections.others).items():
+        lines += number_not_kept(count, f"section of kind {name}")
+    return lines
 
 
 def _read_msh2(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:

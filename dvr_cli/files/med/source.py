@@ -9,6 +9,7 @@ import numpy as np
 from dvr_cli.errors import InputError
 from dvr_cli.files import hdf5
 from dvr_cli.files.container import ContainerSource, CoordinateArray
+from dvr_cli.files.losses import number_not_kept
 from dvr_cli.files.med.elements import TYPES, UNSUPPORTED, node_order
 from dvr_cli.files.med.families import groups_of, members
 from dvr_cli.files.source import InputFile
@@ -168,18 +169,14 @@ def _check_profile(group: h5py.Group) -> None:
 
 def _beyond_mesh(file: h5py.File, name: str, step: h5py.Group) -> list[str]:
     """One line for each kind of thing in the file that is not in the mesh."""
-    lines = []
     counted = {"CHA": "field", "PROFILS": "profile", "GAUSS": "localisation", "PARAMETRES": "parameter"}
     counts = {what: len(hdf5.members(file, path)) for path, what in counted.items()}
     counts["other mesh"] = len(file["ENS_MAA"]) - 1
     counts["equivalence"] = len(hdf5.members(step, "EQS") or hdf5.members(file, f"ENS_MAA/{name}/EQS") or ())
-    for what, count in counts.items():
-        if count:
-            plural = "es" if what.endswith("mesh") else "s"
-            lines.append(f"{count} {what}{plural if count > 1 else ''}")
+    lines = [line for what, count in counts.items() for line in number_not_kept(count, what)]
     if hdf5.dataset_at(step, "NOE/NUM") is not None:
-        lines.append("numbers of nodes")
+        lines.append("not kept: numbers of nodes")
     types = hdf5.members(step, "MAI")
     if any(hdf5.dataset_at(types[kind], "NUM") is not None for kind in types):
-        lines.append("numbers of cells")
+        lines.append("not kept: numbers of cells")
     return lines

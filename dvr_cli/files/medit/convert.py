@@ -9,9 +9,9 @@ from typing import BinaryIO
 import numpy as np
 
 from dvr_cli.errors import OutputError
+from dvr_cli.files.losses import lost
 from dvr_cli.files.medit.keywords import DIMENSION, ELEMENTS, END, NAMES, VERTICES
 from dvr_cli.files.medit.mesh import make_mesh
-from dvr_cli.files.meshio_source import lost
 from dvr_cli.files.source import Source
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.regions import region_names

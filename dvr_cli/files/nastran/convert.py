@@ -11,6 +11,7 @@ from typing import BinaryIO
 import numpy as np
 
 from dvr_cli.errors import OutputError
+from dvr_cli.files.losses import links_not_kept, names_not_kept, not_kept, number_not_kept
 from dvr_cli.files.nastran.cards import LARGE, SMALL
 from dvr_cli.files.nastran.columns import field_text
 from dvr_cli.files.nastran.elements import KINDS
@@ -110,11 +111,8 @@ def _text(mesh: Mesh) -> tuple[bytes, list[str]]:
                     f"{field:<{SMALL}}" for field in row[begin : begin + _NEXT]
                 )
             lines.append(text.rstrip())
-    lost += [f"{left_out} cells of type vertex or line3 are not kept"] if left_out else []
-    names = {*mesh.field_data, *mesh.cell_sets, *mesh.point_sets, *mesh.facet_sets}
-    lost += [f"names of groups not kept: {', '.join(sorted(names))}"] if names else []
-    lost += [f"point data not kept: {', '.join(sorted(mesh.point_data))}"] if mesh.point_data else []
-    lost += ["periodic links are not kept"] if len(mesh.periodic) else []
+    lost += number_not_kept(left_out, "cell of type vertex or line3")
+    lost += [*names_not_kept(mesh), *not_kept(mesh.point_data, "point field"), *links_not_kept(mesh)]
     return "\n".join([*lines, "ENDDATA", ""]).encode(), lost
 
 
@@ -126,7 +124,9 @@ def _properties(mesh: Mesh) -> tuple[list[np.ndarray], list[str]]:
     if names and all(((block >= 1) & (block <= _HIGHEST)).all() for block in tags):
         numbers = [block.astype(np.int64) for block in tags]
         lost += (
-            [f"cell data {names[0]} is kept as nastran:property"] if names[0] != "nastran:property" else []
+            [f"the cell field {names[0]} is kept as nastran:property"]
+            if names[0] != "nastran:property"
+            else []
         )
         rest = mesh.cell_data.keys() - {names[0]}
     else:
@@ -134,4 +134,4 @@ def _properties(mesh: Mesh) -> tuple[list[np.ndarray], list[str]]:
         numbers = np.split(joined, np.cumsum([len(block.vertices) for block in mesh.cells])[:-1])
         rest = {*mesh.cell_data}
         lost += [f"regions ({', '.join(names)}) are numbered anew as nastran:property"] if names else []
-    return numbers, lost + ([f"cell data not kept: {', '.join(sorted(rest))}"] if rest else [])
+    return numbers, [*lost, *not_kept(rest, "cell field")]

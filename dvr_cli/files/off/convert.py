@@ -8,7 +8,7 @@ from typing import BinaryIO
 import numpy as np
 
 from dvr_cli.errors import OutputError
-from dvr_cli.files.meshio_source import lost
+from dvr_cli.files.losses import lost, number_not_kept
 from dvr_cli.files.off.source import read
 from dvr_cli.files.source import Source
 from dvr_cli.mesh.mesh import Mesh
@@ -47,9 +47,8 @@ class ConvertedOff(Source):
     def stored(self, points: np.ndarray) -> np.ndarray:
         """The coordinates, every bit of which is kept; finds out, too, what is lost."""
         back = read(self._bytes(points)).mesh
-        self.notes = [*self.unread, *lost(self.mesh, back, points)]
-        if self._left:
-            self.notes.append(f"vertices and lines that are cells are not kept: {self._left}")
+        left = number_not_kept(self._left, "cell of type vertex or line")
+        self.notes = [*self.unread, *lost(self.mesh, back, points), *left]
         return points
 
     def _bytes(self, points: np.ndarray) -> bytes:

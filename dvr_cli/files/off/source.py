@@ -170,4 +170,4 @@ def _unread(keyword: bytes, coloured: bool) -> list[str]:
     given = match.groups() if match else ()
     found = [what for what, letters in zip(_BEYOND, given, strict=False) if letters]
     found += ["colours"] if coloured and "colours" not in found else []
-    return [f"{' and '.join(found)} are not kept"] if found else []
+    return [f"not kept: {', '.join(found)}"] if found else []

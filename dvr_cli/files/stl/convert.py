@@ -8,6 +8,7 @@ from typing import BinaryIO
 import numpy as np
 
 from dvr_cli.errors import OutputError
+from dvr_cli.files.losses import links_not_kept, names_not_kept, not_kept, number_not_kept
 from dvr_cli.files.source import Source, rounded
 from dvr_cli.files.stl.binary import FACET, HEADER
 from dvr_cli.files.stl.source import merged, normals_of
@@ -33,27 +34,22 @@ class ConvertedStl(Source):
         super().__init__()
         self.mesh = mesh
         self.unread = list(unread)
-        lower, dropped = [], []
+        dropped = []
         for block in mesh.cells:
             if block.type != "triangle" and len(block.vertices):
                 if topological_dimension(block.type) not in (0, 1):
                     raise OutputError(f"stl holds triangles only, and this mesh has {block.type} cells")
-                lower.append(f"{len(block.vertices)} {block.type}")
-        if lower:
-            dropped.append(f"cells not kept: {', '.join(lower)}")
+                dropped += number_not_kept(len(block.vertices), f"{block.type} cell")
         chosen = [b for b, block in enumerate(mesh.cells) if block.type == "triangle"]
         if not chosen:
             raise OutputError("stl holds triangles only, and this mesh has none")
         self._facets = np.concatenate([mesh.cells[b].vertices for b in chosen])
         self._names, self._solid, lost = _solids(mesh, chosen)
-        if lost:
-            dropped.append(f"names of groups not kept: {', '.join(sorted(lost))}")
-        for kind, data in (("cell data", mesh.cell_data), ("point data", mesh.point_data)):
-            if data:
-                dropped.append(f"{kind} not kept: {', '.join(sorted(data))}")
+        dropped += names_not_kept(mesh, lost)
+        dropped += not_kept(mesh.cell_data, "cell field") + not_kept(mesh.point_data, "point field")
+        dropped += links_not_kept(mesh)
         unused = len(mesh.points) - len(np.unique(self._facets))
-        if unused:
-            dropped.append(f"vertices without triangles not kept: {unused}")
+        dropped += number_not_kept(unused, "point of no triangle")
         if not self._names and (rounded(mesh.points) != mesh.points).any():
             dropped.append("coordinates are rounded to 32 bits")
         self._dropped = dropped

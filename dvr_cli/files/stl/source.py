@@ -12,6 +12,7 @@ from typing import BinaryIO
 import numpy as np
 
 from dvr_cli.errors import InputError
+from dvr_cli.files.losses import number_not_kept
 from dvr_cli.files.source import Source, differing, rounded
 from dvr_cli.files.stl.binary import FACET, HEADER, BinaryStl, declared
 from dvr_cli.files.stl.text import TextStl
@@ -37,9 +38,7 @@ class StlSource(Source):
         if not real.any():
             raise InputError("all its facets have two corners in one place: there is no surface")
         self.mesh = _mesh(self._file, points, facets, real)
-        if not real.all():
-            n = int((~real).sum())
-            self.unread = [f"facets with two corners in one place are not kept: {n}"]
+        self.unread = number_not_kept(int((~real).sum()), "facet of two corners in one place")
 
     def write(self, points: np.ndarray, file: BinaryIO) -> None:
         """Write the file with the coordinates ``points`` ((N, 3)), rounded to float32 if it is binary."""

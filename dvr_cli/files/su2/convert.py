@@ -12,6 +12,7 @@ from typing import BinaryIO
 import numpy as np
 
 from dvr_cli.errors import OutputError
+from dvr_cli.files.losses import links_not_kept, names_not_kept, not_kept, number_not_kept
 from dvr_cli.files.source import Source
 from dvr_cli.files.su2.source import TYPES, read
 from dvr_cli.mesh.cell_types import CELL_TYPES
@@ -70,7 +71,7 @@ def _text(mesh: Mesh) -> tuple[bytes, list[str]]:
     rest = sum(
         len(b.vertices) for b, d in zip(mesh.cells, dimensions, strict=True) if d not in (top, top - 1)
     )
-    lost += [f"{rest} cells of dimension below {top - 1} are not kept"] if rest else []
+    lost += number_not_kept(rest, f"cell of dimension below {top - 1}")
     elements = [row for b in inner for row in _rows(mesh.cells[b].type, mesh.cells[b].vertices)]
     lines = [f"NDIME= {top}", f"NELEM= {len(elements)}"]
     lines += [f"{row} {i}" for i, row in enumerate(elements)]
@@ -81,12 +82,9 @@ def _text(mesh: Mesh) -> tuple[bytes, list[str]]:
     lines.append(f"NMARK= {len(markers)}")
     for name, rows in markers.items():
         lines += [f"MARKER_TAG= {name}", f"MARKER_ELEMS= {len(rows)}", *rows]
-    names = {*mesh.field_data, *mesh.cell_sets, *mesh.point_sets} - used
-    arrays = mesh.cell_data.keys() - {"su2:marker"}
-    lost += [f"names of groups not kept: {', '.join(sorted(names))}"] if names else []
-    lost += [f"cell data not kept: {', '.join(sorted(arrays))}"] if arrays else []
-    lost += [f"point data not kept: {', '.join(sorted(mesh.point_data))}"] if mesh.point_data else []
-    lost += ["periodic links are not kept"] if len(mesh.periodic) else []
+    lost += names_not_kept(mesh, {*mesh.field_data, *mesh.cell_sets, *mesh.point_sets} - used)
+    lost += not_kept(mesh.cell_data.keys() - {"su2:marker"}, "cell field")
+    lost += [*not_kept(mesh.point_data, "point field"), *links_not_kept(mesh)]
     return "\n".join([*lines, ""]).encode(), lost
 
 

@@ -22,6 +22,7 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from dvr_cli.errors import InputError
+from dvr_cli.files.losses import not_kept
 from dvr_cli.files.numbers_in_text import Rows, inside_spans, shown
 from dvr_cli.files.patched_text import PatchedText
 from dvr_cli.mesh.cell_types import CELL_TYPES
@@ -115,8 +116,7 @@ class _File:
         mesh = self._mesh(points)
         starts, ends = (np.concatenate(parts) for parts in zip(*self._spans, strict=True))
         source = PatchedText("su2", self._data, mesh, starts, ends)
-        names = dict.fromkeys(self._others)
-        source.unread = [f"not kept: statements {', '.join(list(names)[:8])}"] if names else []
+        source.unread = not_kept(set(self._others), "kind of statement")
         return source
 
     def _blank_comments(self) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import BinaryIO
 
 import numpy as np
 
 from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh.tags import TagIndex, first_repeated
+from dvr_cli.files.losses import number_not_kept
 from dvr_cli.files.numbers_in_text import fitted, write_texts
 from dvr_cli.files.source import Source, differing
 from dvr_cli.files.unv.contents import (
@@ -98,7 +100,11 @@ def read(data: bytes) -> UnvSource:
     source = UnvSource(data, mesh, nodes)
     known = {*_READ, *GROUPS}
     others = [dataset.number for dataset in file.datasets if dataset.number not in known]
-    source.unread = [f"not kept: datasets {', '.join(dict.fromkeys(others))}"] if others else []
+    source.unread = [
+        line
+        for number, n in Counter(others).items()
+        for line in number_not_kept(n, f"dataset of kind {number}")
+    ]
     return source
 
 

@@ -34,7 +34,8 @@ def read_data(
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], str | None]:
     """All numeric arrays up to the end of the file: those on points, those on cells, by name.
 
-    An array has n_points or n_cells rows. Strings and lookup tables are passed over. Reading stops in front
+    An array has n_points or n_cells rows. Strings and lookup tables are passed over, as are fields of another
+    length: ``Scanner.passed`` has them. Reading stops in front
     of what cannot be read; the third value says what that was (None if all was read).
     """
     point_data: dict[str, np.ndarray] = {}
@@ -50,7 +51,11 @@ def read_data(
                 if n != right:
                     raise InputError(f"{keyword.upper()} is for {n}, but there are {right}")
             elif keyword == "field":
-                target.update((name, array) for name, array in read_field(scanner) if len(array) == n)
+                for name, array in read_field(scanner):
+                    if len(array) == n:
+                        target[name] = array
+                    else:
+                        scanner.passed.append(("array of another length", name))
             else:
                 target.update(_read_attribute(scanner, keyword, n))
     except InputError as error:
@@ -84,6 +89,7 @@ def _read_attribute(scanner: Scanner, keyword: str, n: int) -> Iterable[tuple[st
     what = f"{keyword.upper()} {shown(name)}"
     if keyword == "lookup_table":
         scanner.extent(_color(scanner), 4 * scanner.count(f"the size of {what}"), what)
+        scanner.passed.append(("lookup table", name))
         return ()
     if keyword == "color_scalars":
         components = scanner.count(f"the number of components of {what}")
@@ -112,6 +118,7 @@ def _read_array(
     values = None
     if type_name in _STRINGS:
         scanner.skip_strings(count, what, in_lines=type_name == "variant" or not scanner.binary)
+        scanner.passed.append(("string array", name))
     else:
         values = scanner.values(type_name, count, what)
     scanner.skip_metadata(shape[0] if shape else 1)

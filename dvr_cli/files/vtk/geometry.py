@@ -125,8 +125,8 @@ def _read_section(scanner: Scanner, keyword: str, geometry: Geometry) -> str | N
     scanner.word(keyword)
     grid = geometry.dataset == "structured_grid"
     if keyword == "field":
-        for _ in read_field(scanner):  # belongs to neither points nor cells
-            pass
+        for name, _ in read_field(scanner):  # belongs to neither points nor cells
+            scanner.passed.append(("field array", name))
     elif keyword == "points":
         _once(geometry.section, "POINTS")
         _read_points(scanner, geometry)

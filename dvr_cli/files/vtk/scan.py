@@ -48,12 +48,14 @@ class Scanner:
     data: the whole file.
     position: offset of the next byte to read.
     binary: whether arrays are binary.
+    passed: kind and name of each array that was passed over, as it holds no numbers on points or cells.
     """
 
     def __init__(self, data: bytes) -> None:
         self.data = data
         self.position = 0
         self.binary = False
+        self.passed: list[tuple[str, str]] = []
 
     def peek(self) -> str:
         """The next word in lower case, "" at the end of the file."""

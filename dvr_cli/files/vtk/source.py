@@ -10,6 +10,7 @@ from typing import BinaryIO
 
 import numpy as np
 
+from dvr_cli.files.losses import not_kept
 from dvr_cli.files.numbers_in_text import parse_numbers, token_spans, write_replaced
 from dvr_cli.files.source import Source, differing, rounded
 from dvr_cli.files.vtk.cells import blocks_of, structured_block
@@ -22,7 +23,8 @@ from dvr_cli.mesh.mesh import Cells, Mesh
 class VtkSource(Source):
     """A legacy VTK file.
 
-    unread: why some of the data behind the cells could not be read (they are copied all the same).
+    unread: what is no data of points and cells, and why some of the data behind the cells could not be read
+        (they are copied all the same).
     """
 
     format = "vtk"
@@ -113,7 +115,12 @@ def read(data: bytes) -> VtkSource:
         point_data, cell_arrays, unread = read_data(scanner, len(geometry.points), n_cells)
     cell_data = {name: [array[number] for number in numbers] for name, array in cell_arrays.items()}
     mesh = Mesh(geometry.points.astype(np.float64), blocks, cell_data, point_data)
-    left_out = [] if unread is None else [f"some data are not read: {unread}"]
+    left_out = [
+        line
+        for what in dict.fromkeys(kind for kind, _ in scanner.passed)
+        for line in not_kept((name for kind, name in scanner.passed if kind == what), what)
+    ]
+    left_out += [] if unread is None else [f"some data are not read: {unread}"]
     return VtkSource(data, mesh, geometry.section, left_out)
 
 

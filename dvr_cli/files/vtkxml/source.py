@@ -10,6 +10,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from dvr_cli.errors import InputError
+from dvr_cli.files.losses import not_kept
 from dvr_cli.files.numbers_in_text import parse_numbers, shown
 from dvr_cli.files.source import Source, differing
 from dvr_cli.files.vtkxml.arrays import Stored, StoredArray, encode, is_numeric, text_with
@@ -314,20 +315,18 @@ def _common(pieces: list[dict]) -> list[str]:
 
 def _unread(layout: Layout, on_points: set[str], on_cells: set[str]) -> list[str]:
     """The contents of the file beyond the mesh, one line a kind."""
-    fields = [
-        e.attributes.get("Name", "")
+    kinds: dict[str, dict[str, None]] = {"field array": {}, "string array": {}, "array of a part": {}}
+    kinds["field array"].update(
+        (e.attributes.get("Name", ""), None)
         for part in layout.dataset.walk()
         if part.name == "FieldData"
         for e in part.children
-    ]
-    others: dict[str, None] = {}
+    )
     for where, known in (("PointData", on_points), ("CellData", on_cells)):
-        for piece in layout.pieces:
-            names = [e.attributes.get("Name", "") for part in piece.named(where) for e in part.children]
-            others.update((name, None) for name in names if name not in known)
-    lines = []
-    if fields:
-        lines.append(f"field data: {', '.join(fields)}")
-    if others:
-        lines.append(f"data that are no numbers, or not in all pieces: {', '.join(others)}")
-    return lines
+        arrays = [e for piece in layout.pieces for part in piece.named(where) for e in part.children]
+        for array in arrays:
+            name = array.attributes.get("Name", "")
+            if name not in known:
+                kind = "array of a part" if is_numeric(array) else "string array"
+                kinds[kind][name] = None
+    return [line for what, names in kinds.items() for line in not_kept(names, what)]

@@ -8,6 +8,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from dvr_cli.errors import OutputError
+from dvr_cli.files.losses import links_not_kept, names_not_kept, not_kept
 from dvr_cli.files.source import InputFile
 from dvr_cli.files.vtk.cells import VTK_ORDER, VTK_TYPE
 from dvr_cli.files.xdmf.source import XdmfSource, read
@@ -39,11 +40,7 @@ def convert(mesh: Mesh, unread: Sequence[str]) -> XdmfSource:
             lost.append(name)
     lines.append("</Grid></Domain></Xdmf>\n")
     source = read(InputFile("\n".join(lines).encode(), None))
-    groups = {*mesh.field_data, *mesh.cell_sets, *mesh.point_sets, *mesh.facet_sets}
-    source.notes = list(unread)
-    source.notes += [f"data not kept: {', '.join(lost)}"] if lost else []
-    source.notes += [f"names of groups not kept: {', '.join(sorted(groups))}"] if groups else []
-    source.notes += ["periodic links are not kept"] if len(mesh.periodic) else []
+    source.notes = [*unread, *not_kept(lost, "field"), *names_not_kept(mesh), *links_not_kept(mesh)]
     return source
 
 

@@ -13,6 +13,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from dvr_cli.errors import InputError, OutputError
+from dvr_cli.files.losses import not_kept, number_not_kept
 from dvr_cli.files.numbers_in_text import parse_numbers, token_spans, write_replaced
 from dvr_cli.files.source import InputFile, Source, differing
 from dvr_cli.files.xdmf.data import mesh_of
@@ -216,8 +217,7 @@ def _read(file: InputFile, beside: Callable[[str], bytes]) -> XdmfSource:
     points = np.stack(columns, axis=1) if grids.apart else columns[0].reshape(-1, grids.dimension)
     mesh, numbers, left = mesh_of(points, grids, values)
     source = XdmfSource(file, mesh, grids, coordinates, numbers, beside)
-    source.unread += [f"{grids.steps} steps of a series in time"] if grids.steps else []
-    source.unread += [f"attributes: {', '.join(left)}"] if left else []
+    source.unread += [*number_not_kept(grids.steps, "step of a series in time"), *not_kept(left, "attribute")]
     return source
 
 
