@@ -383,7 +383,7 @@ def test_conversion_keeps_groups_and_names_what_it_cannot(tmp_path):
     assert again.point_sets["base"].tolist() == [0, 1]
     assert target.notes[0] == "2 loads"
     assert "not kept: 1 point field (T)" in target.notes
-    assert any(note.startswith("1 line cells") for note in target.notes)
+    assert any(note.startswith("1 line cell:") for note in target.notes)
     with pytest.raises(OutputError, match="polygon"):
         convert(Mesh(points, [Cells("polygon5", np.array([[0, 1, 2, 3, 4]]))]), [])
 

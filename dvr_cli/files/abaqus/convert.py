@@ -14,7 +14,7 @@ import numpy as np
 from dvr_cli.errors import OutputError
 from dvr_cli.files.abaqus.numbers import text_of
 from dvr_cli.files.abaqus.types import NODE_ORDER
-from dvr_cli.files.losses import links_not_kept, not_kept
+from dvr_cli.files.losses import counted, links_not_kept, not_kept
 from dvr_cli.files.source import Source
 from dvr_cli.mesh.cell_types import topological_dimension
 from dvr_cli.mesh.mesh import Cells, Mesh
@@ -176,7 +176,8 @@ def _losses(mesh: Mesh, written: list[int]) -> list[str]:
     lost = []
     for b, block in enumerate(mesh.cells):
         if b not in written and len(block.vertices):
-            lost.append(f"{len(block.vertices)} {block.type} cells: kept as node sets of their groups only")
+            cells = counted(len(block.vertices), f"{block.type} cell")
+            lost.append(f"{cells}: kept as node sets of their groups only")
     lost += not_kept(mesh.cell_data.keys() - set(_tags(mesh)), "cell field")
     lost += not_kept(mesh.point_data, "point field") + not_kept(mesh.facet_sets, "facet set")
     return [*lost, *links_not_kept(mesh)]
