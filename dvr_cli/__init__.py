@@ -14,14 +14,17 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from dvr_cli import gmsh
     from dvr_cli.api import compare, quality_report, smooth, untangle
     from dvr_cli.api.relaxer import Relaxer
 
-__all__ = ["Relaxer", "compare", "quality_report", "smooth", "untangle"]
+__all__ = ["Relaxer", "compare", "gmsh", "quality_report", "smooth", "untangle"]
 
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name == "gmsh":
+        return import_module("dvr_cli.gmsh")
     module = import_module("dvr_cli.api.relaxer" if name == "Relaxer" else "dvr_cli.api")
     return getattr(module, name)

@@ -16,6 +16,7 @@ MODULES = sorted(path.relative_to(ROOT) for path in ROOT.rglob("*.py"))
 LAYERS = [
     "__main__",
     "cli",
+    "gmsh",
     "api",
     "files",
     "report",

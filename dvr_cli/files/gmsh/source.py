@@ -16,7 +16,7 @@ from dvr_cli.files.gmsh import msh1, msh2, msh3, msh4
 from dvr_cli.files.gmsh.data import View, read_physical_names, read_view
 from dvr_cli.files.gmsh.elements import Elements
 from dvr_cli.files.gmsh.mesh import make_mesh
-from dvr_cli.files.gmsh.nodes import NodeBlocks, Nodes
+from dvr_cli.files.gmsh.nodes import Nodes
 from dvr_cli.files.gmsh.numbers import read_numbers
 from dvr_cli.files.gmsh.patch import patch_nodes
 from dvr_cli.files.gmsh.sections import Header, Section, Sections, find_sections, read_header
@@ -30,18 +30,19 @@ _NO_PAIRS = np.empty((0, 2), np.int64)
 
 
 class GmshSource(Source):
-    """A Gmsh file, read."""
+    """A Gmsh file, read; tags: (N,) those of its nodes."""
 
     format = "gmsh"
 
-    def __init__(self, data: bytes, mesh: Mesh, header: Header, section: Section, blocks: NodeBlocks) -> None:
-        """section, blocks: the file's section of nodes and where the coordinates are in it."""
+    def __init__(self, data: bytes, mesh: Mesh, header: Header, section: Section, nodes: Nodes) -> None:
+        """section, nodes: the file's section of nodes and what is in it."""
         super().__init__()
         self.mesh = mesh
+        self.tags = nodes.tags
         self._data = data
         self._header = header
         self._section = section
-        self._blocks = blocks
+        self._blocks = nodes.blocks
         self._points = mesh.points.copy()  # as read, whatever becomes of the mesh
 
     def write(self, points: np.ndarray, file: BinaryIO) -> None:
@@ -83,7 +84,7 @@ def read(data: bytes) -> GmshSource:
         mesh = make_mesh(
             nodes, elements, names, periodic, [view for view in views if view], repeated=version in "12"
         )
-    source = GmshSource(data, mesh, header, once["Nodes"], nodes.blocks)
+    source = GmshSource(data, mesh, header, once["Nodes"], nodes)
     source.unread = number_not_kept(left_out, "element between partitions") + _beyond(sections, views)
     return source
 
