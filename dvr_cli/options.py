@@ -64,6 +64,7 @@ class Option:
         "compare". variants: what is different in some of them.
     metavar: what help shows for the value. flags: names on the command line other than "--name".
     recorded: whether reports of runs record it. shown: whether help shows the default.
+    panel: the heading of help that it stands under.
     """
 
     name: str
@@ -76,6 +77,7 @@ class Option:
     variants: Mapping[str, Variant] = field(default_factory=dict)
     recorded: bool = False
     shown: bool = True
+    panel: str = "Options"
 
     @property
     def label(self) -> str:
@@ -134,8 +136,17 @@ TABLE = (
         "vertices that are relaxed are not looked at.",
         ("morph",),
         "FILE",
+        panel="Files",
     ),
-    Option("near", COUNT, None, "Relax only vertices within K rings of displaced ones.", ("morph",), "K"),
+    Option(
+        "near",
+        COUNT,
+        None,
+        "Relax only vertices within K rings of displaced ones.",
+        ("morph",),
+        "K",
+        panel="Selection",
+    ),
     Option(
         "directions",
         TEXT,
@@ -149,6 +160,7 @@ TABLE = (
         flags=("-d", "--directions"),
         variants={"morph": Variant(default="random")},
         recorded=True,
+        panel="Directions",
     ),
     Option(
         "center",
@@ -158,6 +170,7 @@ TABLE = (
         RELAXING,
         "X,Y[,Z]",
         recorded=True,
+        panel="Directions",
     ),
     Option(
         "axis",
@@ -167,6 +180,7 @@ TABLE = (
         RELAXING,
         "X,Y,Z",
         recorded=True,
+        panel="Directions",
     ),
     Option(
         "max_iterations",
@@ -177,6 +191,7 @@ TABLE = (
         "N",
         flags=("-n", "--max-iterations"),
         recorded=True,
+        panel="Stopping",
     ),
     Option(
         "tol",
@@ -186,6 +201,7 @@ TABLE = (
         RELAXING,
         "EPS",
         recorded=True,
+        panel="Stopping",
     ),
     Option(
         "patience",
@@ -195,10 +211,20 @@ TABLE = (
         RELAXING,
         "K",
         recorded=True,
+        panel="Stopping",
     ),
-    Option("target", QUALITY, None, "Stop when Q1 reaches Q.", RELAXING, "Q", recorded=True),
     Option(
-        "time_limit", NOT_NEGATIVE, None, "Stop after S seconds.", ("smooth", "untangle"), "S", recorded=True
+        "target", QUALITY, None, "Stop when Q1 reaches Q.", RELAXING, "Q", recorded=True, panel="Stopping"
+    ),
+    Option(
+        "time_limit",
+        NOT_NEGATIVE,
+        None,
+        "Stop after S seconds.",
+        ("smooth", "untangle"),
+        "S",
+        recorded=True,
+        panel="Stopping",
     ),
     Option(
         "order",
@@ -207,6 +233,7 @@ TABLE = (
         "Order of the vertices in a sweep.",
         RELAXING,
         recorded=True,
+        panel="Directions",
     ),
     Option(
         "seed",
@@ -216,6 +243,7 @@ TABLE = (
         RELAXING,
         "N",
         recorded=True,
+        panel="Directions",
     ),
     Option(
         "boundary",
@@ -233,6 +261,7 @@ TABLE = (
             )
         },
         recorded=True,
+        panel="Boundary and regions",
     ),
     Option(
         "feature_angle",
@@ -243,6 +272,7 @@ TABLE = (
         SMOOTH,
         "DEG",
         recorded=True,
+        panel="Boundary and regions",
     ),
     Option(
         "max_deviation",
@@ -253,6 +283,7 @@ TABLE = (
         SMOOTH,
         "D",
         recorded=True,
+        panel="Boundary and regions",
     ),
     Option(
         "fix",
@@ -263,6 +294,7 @@ TABLE = (
         ("smooth", "untangle"),
         "NAME",
         recorded=True,
+        panel="Selection",
     ),
     Option(
         "only",
@@ -272,6 +304,7 @@ TABLE = (
         SMOOTH,
         "NAME",
         recorded=True,
+        panel="Selection",
     ),
     Option(
         "below",
@@ -281,8 +314,18 @@ TABLE = (
         SMOOTH,
         "Q",
         recorded=True,
+        panel="Selection",
     ),
-    Option("layers", COUNT, 0, "With --below: relax K rings of neighbours, too.", SMOOTH, "K", recorded=True),
+    Option(
+        "layers",
+        COUNT,
+        0,
+        "With --below: relax K rings of neighbours, too.",
+        SMOOTH,
+        "K",
+        recorded=True,
+        panel="Selection",
+    ),
     Option(
         "vertices",
         FILE,
@@ -291,6 +334,7 @@ TABLE = (
         SMOOTH,
         "FILE",
         recorded=True,
+        panel="Selection",
     ),
     Option(
         "engine",
@@ -299,6 +343,7 @@ TABLE = (
         "What computes; the result is the same. auto takes numba if it is installed (dvr-cli[fast]) and "
         "pays.",
         RELAXING,
+        panel="Performance",
     ),
     Option(
         "threads",
@@ -307,6 +352,7 @@ TABLE = (
         "Threads of the numba engine; default: all cores.",
         RELAXING,
         "N",
+        panel="Performance",
     ),
     Option(
         "report",
@@ -317,6 +363,7 @@ TABLE = (
         ".quality.json, none if OUT is -.",
         RUNS,
         "PATH",
+        panel="Reports",
     ),
     Option(
         "plot",
@@ -326,6 +373,7 @@ TABLE = (
         "dvr-cli[plot]).",
         (*RUNS, *REPORTS),
         "FILE",
+        panel="Reports",
     ),
     Option(
         "quality_field",
@@ -334,8 +382,9 @@ TABLE = (
         "Write the quality of each cell as the cell field 'quality' (NaN for cells of lower dimension), "
         "where IN and OUT differ in format or are .vtu.",
         RUNS,
+        panel="Reports",
     ),
-    Option("no_report", SWITCH, False, "Write no report.", RUNS),
+    Option("no_report", SWITCH, False, "Write no report.", RUNS, panel="Reports"),
     Option(
         "regions",
         TEXTS,
@@ -345,6 +394,7 @@ TABLE = (
         (*RUNS, *REPORTS),
         "NAME|none",
         recorded=True,
+        panel="Boundary and regions",
     ),
     Option(
         "shape",
@@ -356,6 +406,7 @@ TABLE = (
         RUNS,
         variants={"morph": Variant(default="input"), "untangle": Variant(default="ideal")},
         recorded=True,
+        panel="Target shapes",
     ),
     Option(
         "straighten",
@@ -365,6 +416,7 @@ TABLE = (
         "inverted by their curved shape alone are made straight.",
         RUNS,
         recorded=True,
+        panel="Target shapes",
     ),
     Option(
         "untangle",
@@ -375,6 +427,7 @@ TABLE = (
         SMOOTH,
         recorded=True,
         shown=False,
+        panel="Before and after the sweeps",
     ),
     Option(
         "patches",
@@ -385,6 +438,7 @@ TABLE = (
         SMOOTH,
         recorded=True,
         shown=False,
+        panel="Before and after the sweeps",
     ),
     Option(
         "polish",
@@ -395,6 +449,7 @@ TABLE = (
         SMOOTH,
         recorded=True,
         shown=False,
+        panel="Before and after the sweeps",
     ),
     Option(
         "floor",
@@ -404,6 +459,7 @@ TABLE = (
         SMOOTH,
         "F",
         recorded=True,
+        panel="Before and after the sweeps",
     ),
     Option(
         "preset",
@@ -412,6 +468,7 @@ TABLE = (
         "The paper's Algorithm 1: random directions, natural order, exactly N sweeps (-n).",
         SMOOTH,
         recorded=True,
+        panel="Directions",
     ),
     Option(
         "mesh",
@@ -420,12 +477,21 @@ TABLE = (
         "The mesh to read of a MED file with several.",
         (*RUNS, *REPORTS),
         "NAME",
+        panel="Files",
     ),
     Option(
-        "input_format", TEXT, None, "Format of the input; default: by its suffix.", (*RUNS, *REPORTS), "NAME"
+        "input_format",
+        TEXT,
+        None,
+        "Format of the input; default: by its suffix.",
+        (*RUNS, *REPORTS),
+        "NAME",
+        panel="Files",
     ),
-    Option("output_format", TEXT, None, "Format of OUT; default: by its suffix.", RUNS, "NAME"),
-    Option("json", SWITCH, False, "Print the report as JSON.", REPORTS),
+    Option(
+        "output_format", TEXT, None, "Format of OUT; default: by its suffix.", RUNS, "NAME", panel="Files"
+    ),
+    Option("json", SWITCH, False, "Print the report as JSON.", REPORTS, panel="Reports"),
     Option(
         "csv",
         SWITCH,
@@ -433,8 +499,9 @@ TABLE = (
         "Print the quality vector as CSV: rank, vertex, quality, for each relaxed vertex the worst "
         "quality around it, ascending. Vertices are numbered from 0.",
         ("quality",),
+        panel="Reports",
     ),
-    Option("worst", COUNT, 10, "List the N worst elements.", ("quality",), "N"),
+    Option("worst", COUNT, 10, "List the N worst elements.", ("quality",), "N", panel="Reports"),
     Option(
         "fail_below",
         QUALITY,
@@ -442,11 +509,22 @@ TABLE = (
         "Exit with code 1 if the worst quality is below Q.",
         (*RUNS, "quality"),
         "Q",
+        panel="Reports",
     ),
-    Option("quiet", SWITCH, False, "Print nothing but errors.", RUNS, flags=("-q", "--quiet")),
-    Option("verbose", SWITCH, False, "Print a line for each sweep.", RELAXING, flags=("-v", "--verbose")),
+    Option(
+        "quiet", SWITCH, False, "Print nothing but errors.", RUNS, flags=("-q", "--quiet"), panel="Reports"
+    ),
+    Option(
+        "verbose",
+        SWITCH,
+        False,
+        "Print a line for each sweep.",
+        RELAXING,
+        flags=("-v", "--verbose"),
+        panel="Reports",
+    ),
     # the entry point looks for it among the arguments, as errors of the parser precede any command
-    Option("debug", SWITCH, False, "Show the traceback of an error.", (*RUNS, *REPORTS)),
+    Option("debug", SWITCH, False, "Show the traceback of an error.", (*RUNS, *REPORTS), panel="Reports"),
 )
 OPTIONS = {option.name: option for option in TABLE}
 

@@ -7,11 +7,12 @@ from typing import Annotated, Any
 import typer
 
 from dvr_cli import __version__
-from dvr_cli.cli.morph import morph
-from dvr_cli.cli.report import compare, quality
-from dvr_cli.cli.smooth import smooth
+from dvr_cli.cli.help import Command
+from dvr_cli.cli.morph import MORPH_EXAMPLES, morph
+from dvr_cli.cli.report import COMPARE_EXAMPLES, QUALITY_EXAMPLES, compare, quality
+from dvr_cli.cli.smooth import SMOOTH_EXAMPLES, smooth
 from dvr_cli.cli.streams import emit
-from dvr_cli.cli.untangle import untangle
+from dvr_cli.cli.untangle import UNTANGLE_EXAMPLES, untangle
 from dvr_cli.errors import UsageError
 
 # without markup, help and errors do not import rich, which would double the time they take
@@ -26,11 +27,14 @@ _ParserError: type[Exception] = typer.BadParameter.__bases__[0]
 app = typer.Typer(**_SETTINGS)
 report = typer.Typer(help="Measure the quality of meshes.", **_SETTINGS)
 app.add_typer(report, name="report")
-app.command()(smooth)
-app.command()(untangle)
-app.command()(morph)
-report.command()(quality)
-report.command()(compare)
+for group, function, examples in (
+    (app, smooth, SMOOTH_EXAMPLES),
+    (app, untangle, UNTANGLE_EXAMPLES),
+    (app, morph, MORPH_EXAMPLES),
+    (report, quality, QUALITY_EXAMPLES),
+    (report, compare, COMPARE_EXAMPLES),
+):
+    group.command(cls=Command, epilog="\n".join(examples))(function)
 
 
 def _print_version(wanted: bool) -> None:

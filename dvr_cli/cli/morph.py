@@ -8,8 +8,13 @@ from typing import Annotated, Any
 
 import typer
 
+from dvr_cli.cli.help import example
 from dvr_cli.cli.options import takes_options
 from dvr_cli.cli.run import run
+
+MORPH_EXAMPLES = (
+    example("dvr morph in.vtk out.vtk --displacement d.npy", "move the boundary, and the interior with it"),
+)
 
 
 @takes_options("morph")

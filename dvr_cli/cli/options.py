@@ -91,7 +91,9 @@ def _parameter(option: Option, command: str) -> inspect.Parameter:
         kind = kind | None
     if option.metavar:
         more["metavar"] = option.metavar
-    spec = typer.Option(*flags, help=option.help, show_default=option.shown, **more)
+    spec = typer.Option(
+        *flags, help=option.help, show_default=option.shown, rich_help_panel=option.panel, **more
+    )
     return inspect.Parameter(
         option.name,
         inspect.Parameter.KEYWORD_ONLY,

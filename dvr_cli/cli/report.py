@@ -10,9 +10,19 @@ import typer
 
 from dvr_cli.cli.codes import DONE, GATE_FAILED
 from dvr_cli.cli.files import PICTURES, check, write_picture
+from dvr_cli.cli.help import example
 from dvr_cli.cli.options import naming, takes_options
 from dvr_cli.cli.streams import bar, columns, emit, say
 from dvr_cli.errors import UsageError
+
+QUALITY_EXAMPLES = (
+    example("dvr report quality in.msh", "the worst element and where it is, quantiles, a histogram"),
+    example("dvr report quality in.msh --json | jq .quality.q1", "one figure of it"),
+    example("dvr report quality in.msh --plot q.html", "a page with pictures"),
+)
+COMPARE_EXAMPLES = (
+    example("dvr report compare before.msh after.msh", "which is better; exit code 1 if the last is worse"),
+)
 
 
 @takes_options("quality")

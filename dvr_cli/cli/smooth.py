@@ -8,8 +8,17 @@ from typing import Annotated, Any
 
 import typer
 
+from dvr_cli.cli.help import example
 from dvr_cli.cli.options import takes_options
 from dvr_cli.cli.run import is_page, run
+
+SMOOTH_EXAMPLES = (
+    example("dvr smooth in.msh out.msh", "interior vertices move; the boundary and interfaces stay"),
+    example("dvr smooth in.msh out.msh --boundary slide", "flat faces and straight edges free theirs, too"),
+    example("dvr smooth deck.inp deck.inp --below 0.3", "only around elements worse than 0.3, in place"),
+    example("dvr smooth in.msh out.vtu --fail-below 0.1", "exit code 1 if the worst is below 0.1 in the end"),
+    example("generate | dvr smooth - - | solve", "in a pipeline"),
+)
 
 
 @takes_options("smooth")

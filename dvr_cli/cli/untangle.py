@@ -8,8 +8,14 @@ from typing import Annotated, Any
 
 import typer
 
+from dvr_cli.cli.help import example
 from dvr_cli.cli.options import takes_options
 from dvr_cli.cli.run import run
+
+UNTANGLE_EXAMPLES = (
+    example("dvr untangle in.msh out.msh", "move vertices near inverted elements, and no others"),
+    example("dvr untangle in.msh out.msh --fail-below 0", "exit code 1 if an element is still inverted"),
+)
 
 
 @takes_options("untangle")

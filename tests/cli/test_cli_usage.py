@@ -186,6 +186,54 @@ def test_help_of_commands(dvr, arguments):
     assert max(map(len, result.out.splitlines())) <= 80
 
 
+def examples(help_text):
+    """The command lines at the end of a help."""
+    return [line.strip() for line in re.findall(r"^  \S.*", help_text.split("Examples:\n")[1], re.MULTILINE)]
+
+
+@pytest.mark.parametrize("command", ["smooth", "untangle", "morph", "report quality", "report compare"])
+def test_the_examples_of_help_run(dvr, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    for name in ("in.msh", "before.msh", "after.msh", "in.vtk"):
+        fan(tmp_path / name)
+    tags = [np.ones(4, dtype=int)]
+    mesh = fan(tmp_path / "tagged.msh", cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags})
+    assert dvr("smooth", mesh, "deck.inp", "--output-format", "abaqus", "--no-report").code == 0
+    np.save("d.npy", np.zeros((5, 3)))
+    lines = examples(dvr(*command.split(), "--help").out)
+    assert lines
+    for line in lines:
+        parts = [part.split() for part in line.split(" | ")]
+        [own] = [part for part in parts if part[0] == "dvr"]
+        assert own[1 : 1 + len(command.split())] == command.split()
+        if "-" in own:  # a pipe, which the tests of pipes run
+            continue
+        result = dvr(*own[1:])
+        assert (result.code, result.err.count("error")) == (0, 0), line
+
+
+def test_every_option_stands_under_a_heading(dvr):
+    for command in ("smooth", "untangle", "morph", "report quality", "report compare"):
+        text = dvr(*command.split(), "--help").out
+        [rest] = re.findall(r"^Options:\n(.*?)\n\n", text, flags=re.MULTILINE | re.DOTALL)
+        assert rest.split() == ["-h,", "--help", "Show", "this", "message", "and", "exit."]
+
+
+def test_help_in_a_terminal_says_the_same(dvr, monkeypatch):
+    plain = dvr("smooth", "--help").out
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("TERM", "dumb")
+    drawn = dvr("smooth", "--help").out
+    assert "╭─ Boundary and regions ─" in drawn
+
+    def words(text):
+        return set(re.findall(r"[\w.-]+", text))
+
+    assert words(plain) - words(drawn) == set()
+    assert "(needs dvr-cli[plot])" in re.sub(r"[\s│]+", " ", drawn)
+
+
 SMOOTH = {
     "--directions": ["axis,random"],
     "--center": ["0.5,0.5"],
