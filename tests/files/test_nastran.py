@@ -118,7 +118,9 @@ def test_points_cells_and_properties():
     source = opened(DECK)
     mesh = source.mesh
     assert mesh.points.tolist() == [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1.6, 1.5, 0]]
-    assert cells_of(mesh) == [("triangle", [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])]
+    triangles, loaded = cells_of(mesh)
+    assert triangles == ("triangle", [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+    assert loaded == ("vertex", [[2]])
     assert mesh.cell_data["nastran:property"][0].tolist() == [8, 8, 9, 9]
     assert source.unread == [
         "not kept: executive and case control, 1 material, 1 load, 1 constraint, 1 parameter, 2 properties"
@@ -338,6 +340,122 @@ def test_nodes_that_other_cards_need_are_held():
         ("line", [[2, 3]]),
         ("line", [[3, 4]]),
     ]
+
+
+@pytest.mark.parametrize("deck", [DECK, SMALL], ids=["deck", "small"])
+def test_a_deck_cut_off_anywhere_is_refused(deck):
+    """With BEGIN BULK, and without where the rest does not end with a whole card that could be the last."""
+    whole = opened(deck).mesh
+    begin, end = deck.index(b"BEGIN BULK\n") + 11, deck.index(b"ENDDATA")
+    for cut in range(end + 6):
+        with pytest.raises(InputError):
+            opened(deck[:cut])
+    bulk = deck[begin:end]
+    kept = set()
+    for cut in range(1, len(bulk)):
+        try:
+            mesh = opened(bulk[:cut]).mesh
+        except InputError:
+            continue
+        assert bulk[:cut].endswith(b"\n")
+        kept.add(sum(len(block.vertices) for block in mesh.cells if block.type != "vertex"))
+        assert np.array_equal(mesh.points, whole.points[: len(mesh.points)])
+    assert len(kept) > 1  # at the end of a line a card may be the last
+
+
+@pytest.mark.parametrize(
+    ("end", "words"),
+    [
+        (b"GRID,4,,1.,1.,0.,,,,+A\n", "line 5: the line asks for another one behind it"),
+        (b"GRID,4,,1.,1.,\n", "line 5: the line asks for another one"),
+        (b"GRID*,4,,1.,1.,*A\n", "line 5: the line asks for another one"),
+        (b"GRID*   4%s1.%s1.%s*A\n" % (b" " * 31, b" " * 14, b" " * 14), "line 5: the line asks"),
+        (b"GRID,4,,1.,1.,0", "it breaks off within its last line, and there is no ENDDATA"),
+        (
+            b"GRID*,4,,1.,1.\n*,0.\nGRID*,5,,1.,1.\n",
+            "line 7: the last card has fewer lines than those like it",
+        ),
+    ],
+)
+def test_what_breaks_off_without_enddata_is_refused(end, words):
+    with pytest.raises(InputError, match=words):
+        opened(BODY + end)
+    if end.endswith(b"\n"):
+        assert len(opened(BODY + end + b"ENDDATA").mesh.points) > 3
+
+
+def test_bulk_data_without_enddata_are_whole():
+    assert len(opened(BODY).mesh.points) == 3
+    assert opened(BODY.replace(b"\n", b"\r")).mesh.points.tolist() == opened(BODY).mesh.points.tolist()
+    with pytest.raises(InputError, match="BEGIN BULK has no ENDDATA: truncated; if the deck is whole, add"):
+        opened(b"BEGIN BULK\n" + BODY)
+    assert len(opened(b"BEGIN BULK\n" + BODY + b"ENDDATA").mesh.points) == 3
+
+
+def test_loads_and_constraints_hold_their_nodes():
+    """A square of 4 by 4 nodes from 1 to 16, of which 6, 7, 10 and 11 lie within."""
+    grids = [b"GRID,%d,,%d.,%d.,0." % (i, (i - 1) % 4, (i - 1) // 4) for i in range(1, 17)]
+    quads = [b"CQUAD4,%d,1,%d,%d,%d,%d" % (i, i, i + 1, i + 5, i + 4) for i in range(1, 12) if i % 4]
+    inner = {6, 7, 10, 11}
+    cards = {
+        b"FORCE,2,6,0,1.,0.,1.,0.": {6},
+        b"FORCE   2       6       0       1.      0.      1.      0.": {6},
+        b"FORCE*  2               6               0               1.\n*       0.": {6},
+        b"force,2,2,0,1.,0.,1.,0.": {2},
+        b"MOMENT,2,6,0,1.,0.,1.,0.\nMOMENT,2,7,0,1.,0.,1.,0.": {6, 7},
+        b"FORCE1,2,6,1.,7,10": {6, 7, 10},
+        b"FORCE2,2,6,1.,7,10,11,1": {6, 7, 10, 11, 1},
+        b"SLOAD,2,6,1.,7,2.": {6, 7},
+        b"DAREA,2,6,3,1.,7,3,2.": {6, 7},
+        b"SUPORT,6,123,7,1": {6, 7},
+        b"\n".join(b"FORCE,2,%d,0,1.,0.,0.,1." % i for i in range(1, 17)): set(),  # the weight of all
+        b"SPC,1,6,123,0.": {6},
+        b"SPC,1,6,123,0.,10,12,0.": {6, 10},
+        b"SPC,1,1,123,0.,6,123,.1": {6},  # several: those within count
+        b"SPC,1,1,123,0.,2,123,.0": set(),
+        b"SPC1,1,123,1": {1},
+        b"SPC1,1,123,1,2,6,7": {6, 7},
+        b"SPC1,1,123,5,THRU,8": {6, 7},
+        b"SPC1    1       123     5       thru    8": {6, 7},
+        b"SPC1,1,123,1,2,3,4,5,6,\n,7,8": {6, 7},
+        b"SPC1,1,3,1,THRU,16": set(),  # a plane problem
+        b"SPC1,1,3,1,THRU,16\nSPC1,1,12,5,THRU,8": {6, 7},
+        b"SPCD,1,6,1,.2,2,1,.2": {6},
+        b"MPC,9,6,1,1.,7,2,-1.": {6, 7},
+        b"RBE2,9,6,123,7,10": {6, 7, 10},
+        b"CONM2,9,11,,5.": {11},
+        b"PLOAD4,2,1,1.": set(),
+        b"TEMP,2,6,300.": set(),
+    }
+    for card, nodes in cards.items():
+        mesh = opened(b"\n".join([*grids, *quads, card, b""])).mesh
+        held = [block.vertices.ravel() + 1 for block in mesh.cells if block.type == "vertex"]
+        assert set(np.concatenate([[], *held]).tolist()) == nodes, card
+        moving = np.flatnonzero(domain_of(mesh).interior) + 1
+        assert set(moving.tolist()) == inner - nodes, card
+
+
+@pytest.mark.parametrize("form", ["commas", "columns", "large"])
+def test_nodes_held_by_their_own_card(form):
+    grids = []
+    for i in range(1, 17):
+        x, y, held = (i - 1) % 4, (i - 1) // 4, {6: "123", 7: "345"}.get(i, "345" if i < 3 else "")
+        if form == "commas":
+            grids.append(f"GRID,{i},,{x}.,{y}.,0.,,{held}")
+        elif form == "columns":
+            grids.append(f"{'GRID':<8}{i:<8}{'':<8}{x}.{'':<6}{y}.{'':<6}0.{'':<14}{held}")
+        else:
+            grids.append(f"{'GRID*':<8}{i:<16}{'':<16}{x}.{'':<14}{y}.\n{'*':<8}0.{'':<30}{held}")
+    quads = [f"CQUAD4,{i},1,{i},{i + 1},{i + 5},{i + 4}" for i in range(1, 12) if i % 4]
+    mesh = opened("\n".join([*grids, *quads, ""]).encode()).mesh
+    assert np.flatnonzero(domain_of(mesh).interior).tolist() == [9, 10]
+
+
+def test_a_node_in_the_middle_of_an_edge_that_is_loaded_holds_its_ends():
+    grids = b"GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,0.,1.,0.\nGRID,4,,.5,0.,0.\n"
+    grids += b"GRID,5,,.5,.5,0.\nGRID,6,,0.,.5,0.\nCTRIA6,1,1,1,2,3,4,5,6\n"
+    mesh = opened(grids + b"FORCE,2,5,0,1.,0.,1.,0.\n").mesh
+    assert cells_of(mesh)[1:] == [("vertex", [[1], [2]])]
 
 
 BODY = b"GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,0.,1.,0.\nCTRIA3,1,1,1,2,3\n"

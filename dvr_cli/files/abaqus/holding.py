@@ -7,10 +7,7 @@ import numpy as np
 from dvr_cli.files.abaqus.cards import Card
 from dvr_cli.files.abaqus.model import Model, Scope
 from dvr_cli.files.abaqus.sets import Sets
-from dvr_cli.mesh.cell_types import CELL_TYPES
-from dvr_cli.mesh.interior import enclosed
-from dvr_cli.mesh.mesh import Cells
-from dvr_cli.mesh.second_order import linear_cells
+from dvr_cli.files.held import at_corners, within
 
 _NONE = np.empty(0, dtype=np.int64)
 # Where keywords name nodes: in the first field of each line, in every field but the first ...
@@ -46,8 +43,8 @@ def held_vertices(model: Model, sets: Sets) -> np.ndarray:
                 elif not _all_of(members, used, scope, model):
                     inside[members] = True
     if inside.any():
-        held |= inside & _within(model.blocks, inside)
-    return np.flatnonzero(_at_corners(model.blocks, held & used))
+        held |= inside & within(model.blocks, inside)
+    return np.flatnonzero(at_corners(model.blocks, held & used))
 
 
 def _named(model: Model, sets: Sets, card: Card, scope: Scope) -> list[np.ndarray]:
@@ -101,31 +98,3 @@ def _all_of(members: np.ndarray, used: np.ndarray, scope: Scope, model: Model) -
     others[members] = False
     own = scope.vertices if len(scope.vertices) else np.arange(len(model.points))
     return len(members) > 1 and not others[own].any()
-
-
-def _within(blocks: list[Cells], vertices: np.ndarray) -> np.ndarray:
-    """(N,) bool: those of ``vertices`` ((N,) bool) that lie inside the mesh, not on its boundary."""
-    linear = linear_cells(blocks)
-    dimension = max((CELL_TYPES[block.type].dimension for block in linear), default=0)
-    near = [
-        Cells(block.type, block.vertices[vertices[block.vertices].any(axis=1)])
-        for block in linear
-        if CELL_TYPES[block.type].dimension == dimension
-    ]
-    n = sum(len(block.vertices) for block in near)
-    return enclosed(near, np.zeros(n, dtype=np.int64), len(vertices))
-
-
-def _at_corners(blocks: list[Cells], held: np.ndarray) -> np.ndarray:
-    """``held`` ((N,) bool) with the corners of an edge or face in place of the node in its middle."""
-    result = held.copy()
-    middle = np.zeros(len(held), dtype=bool)
-    for block in blocks:
-        around = CELL_TYPES[block.type].mids
-        corners = block.vertices.shape[1] - len(around)
-        for k, local in enumerate(around):
-            node = block.vertices[:, corners + k]
-            middle[node] = True
-            result[block.vertices[held[node]][:, local]] = True
-    result[middle] = False
-    return result

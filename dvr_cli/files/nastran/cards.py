@@ -61,6 +61,7 @@ class Deck:
     text: the deck, uint8, behind it lines whose tabs have become blanks, and more blanks.
     start, stop: (L,) of the lines that hold anything, comments and blanks at the end left out.
     limit: (L,) where the comment or the end of each line begins. end: (L,) the end of the line.
+    large: (L,) whether its fields have columns of 16.
     first: (C,) the first line of each card, count: (C,) how many it has.
     names: the distinct names of cards, in capitals. name: (C,) which of them each card has.
     """
@@ -105,8 +106,8 @@ class Deck:
                 break
             here = self.first[cards[rows]] + k
             self._check_marks(here, k)
-            room = np.where(self._large[here], 4, 8)
-            columns = np.where(self._large[here], LARGE, SMALL)
+            room = np.where(self.large[here], 4, 8)
+            columns = np.where(self.large[here], LARGE, SMALL)
             for j in range(8):
                 to = ahead[rows] + j - first
                 i = np.flatnonzero((j < room) & (to >= 0) & (to < m))
@@ -130,14 +131,23 @@ class Deck:
         return self._numbers(fields, np.float64, _REAL, _NUMBER, "a number")
 
     def whole(self, fields: Fields) -> np.ndarray:
-        """(n,) the numbers in those fields that hold a whole number, not negative; others are passed over."""
+        """The whole numbers, not negative, in the fields; -1 for a field that holds anything else."""
         starts, stops = fields.starts.ravel(), fields.stops.ravel()
-        short = (stops > starts) & (stops - starts <= LARGE)
-        starts, stops = starts[short], stops[short]
-        place = starts[:, None] + np.arange(LARGE)
+        short = np.flatnonzero((stops > starts) & (stops - starts <= LARGE))
+        place = starts[short, None] + np.arange(LARGE)
         digits = self.text.take(place, mode="clip")
-        found = (((digits >= ord("0")) & (digits <= ord("9"))) | (place >= stops[:, None])).all(axis=1)
-        return self._parsed(starts[found], stops[found], np.int64, _WHOLE)
+        plain = ((digits >= ord("0")) & (digits <= ord("9"))) | (place >= stops[short, None])
+        found = short[plain.all(axis=1)]
+        numbers = np.full(len(starts), -1, dtype=np.int64)
+        numbers[found] = self._parsed(starts[found], stops[found], np.int64, _WHOLE)
+        return numbers.reshape(fields.starts.shape)
+
+    def says(self, fields: Fields, word: bytes) -> np.ndarray:
+        """Whether the fields hold a word, given in capitals; bool, of their shape."""
+        places = fields.starts[..., None] + np.arange(len(word))
+        letters = self.text.take(places, mode="clip") & 0xDF  # without the bit that tells small ones
+        as_long = fields.stops - fields.starts == len(word)
+        return as_long & (letters == np.frombuffer(word, dtype=np.uint8)).all(axis=-1)
 
     def words(self, card: int, count: int) -> list[str]:
         """The text of the first ``count`` fields of one card."""
@@ -153,6 +163,13 @@ class Deck:
     def commas(self, line: int) -> int:
         """The number of commas in a line."""
         return int(self._n_commas[line])
+
+    def goes_on(self, line: int) -> bool:
+        """True if a line asks for one that continues it, with a mark in its last field or a comma."""
+        text = self.text[self.start[line] : self.stop[line]].tobytes()
+        if self._free[line]:
+            return text.endswith(b",") or self.commas(line) == (5 if self.large[line] else 9)
+        return bool(text[_DECK:].strip())
 
     def refuse(self, line: int, why: str) -> NoReturn:
         """Raise InputError for what is wrong in a line."""
@@ -231,7 +248,7 @@ class Deck:
         head = names[np.arange(len(names)), (names != ord(" ")).argmax(axis=1)] if len(names) else names[:, 0]
         begins = (head >= ord("A")) & (head <= ord("Z"))
         continues = np.isin(head, np.frombuffer(b" +*", dtype=np.uint8))
-        self._large = ((names == ord("*")).any(axis=1) & begins) | (head == ord("*"))
+        self.large = ((names == ord("*")).any(axis=1) & begins) | (head == ord("*"))
         if not (begins | continues).all():
             i = int(np.argmin(begins | continues))
             word = self.text[self.start[i] : self.stop[i]].tobytes()
@@ -282,7 +299,7 @@ class Deck:
 
     def _check_marks(self, lines: np.ndarray, k: int) -> None:
         """Raise InputError where a line has too many fields, or does not continue the one before it."""
-        most = np.where(self._large[lines], 4, 8) + 1
+        most = np.where(self.large[lines], 4, 8) + 1
         many = self._n_commas[lines] > most
         if many.any():
             self.refuse(int(lines[many.argmax()]), "too many fields, there is room for ten (large ones: six)")

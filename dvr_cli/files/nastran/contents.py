@@ -7,7 +7,8 @@ import re
 import numpy as np
 
 from dvr_cli.files.nastran.cards import Deck
-from dvr_cli.files.nastran.elements import HOLDING, KINDS
+from dvr_cli.files.nastran.elements import KINDS
+from dvr_cli.files.nastran.holding import HOLDING
 
 # One and several of a kind, and the cards that are of it; the first that fits counts.
 _KINDS = (

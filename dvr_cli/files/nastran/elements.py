@@ -1,8 +1,4 @@
-"""Element cards: which cells they are, and the nodes that other cards name.
-
-Node orders are turned into meshio's. Elements without a cell type of ours, rigid ones and whatever else
-depends on where a node is come as vertex cells, so that these nodes stay.
-"""
+"""Element cards: which cells they are. Node orders are turned into meshio's."""
 
 from __future__ import annotations
 
@@ -14,7 +10,6 @@ from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh.tags import TagIndex
 from dvr_cli.files.nastran.cards import Deck, Fields
 from dvr_cli.files.node_orders import UPRIGHT_BEFORE_UPPER
-from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells
 
 
@@ -59,28 +54,6 @@ KINDS = {
     b"PLOTEL": Kind(1, _LINE.shapes, tagged=False),
 }
 
-_SCALAR = (slice(2, 3), slice(4, 5))
-_ALL = (slice(1, None),)
-# Cards that depend on where nodes are without being cells: the fields in which they may name them. Any whole
-# number there that is a node's counts, so at worst a node more than needed stays.
-HOLDING = {
-    **{b"%s%d" % (name, i): _SCALAR for name in (b"CELAS", b"CDAMP", b"CMASS") for i in range(1, 5)},
-    b"CDAMP5": (slice(2, 4),),
-    **dict.fromkeys((b"CBAR", b"CBEAM"), (slice(4, 5),)),  # the node that a section is turned to
-    **dict.fromkeys((b"CBUSH", b"CGAP"), (slice(2, 5),)),
-    **dict.fromkeys((b"CBUSH1D", b"CBUSH2D"), (slice(2, 4),)),
-    **dict.fromkeys((b"CONM1", b"CONM2"), (slice(1, 2),)),
-    **dict.fromkeys((b"RBAR", b"RBAR1", b"RROD"), (slice(1, 3),)),
-    **dict.fromkeys((b"RTRPLT", b"RTRPLT1"), (slice(1, 4),)),
-    b"RJOINT": (slice(1, 3),),
-    b"RBE2": (slice(1, 2), slice(3, None)),
-    b"RBE3": (slice(2, None),),
-    **dict.fromkeys((b"RBE1", b"RSPLINE", b"RSSCON"), _ALL),
-    **dict.fromkeys((b"CWELD", b"CFAST", b"CSEAM", b"GENEL", b"CHBDYG", b"CHBDYP", b"CAABSF"), _ALL),
-    b"MPC": (slice(1, None, 8), slice(4, None, 8)),
-    **dict.fromkeys((b"CORD1R", b"CORD1C", b"CORD1S"), (slice(1, 4), slice(5, 8))),
-}
-
 
 class Elements(NamedTuple):
     """Blocks of cells, with the number of the property of each cell, 0 for none."""
@@ -92,8 +65,7 @@ class Elements(NamedTuple):
 def read_elements(deck: Deck, grids: TagIndex) -> Elements:
     """The elements of a deck, a block for each kind of card and cell, in the order in which they begin.
 
-    grids: finds the place of a node by its number. Nodes that other cards need where they are come as a block
-    of vertex cells, the last one. Raises InputError.
+    grids: finds the place of a node by its number. Raises InputError.
     """
     found = []
     for name in deck.names:
@@ -102,10 +74,6 @@ def read_elements(deck: Deck, grids: TagIndex) -> Elements:
     found.sort(key=lambda block: block[0])
     blocks = [Cells(cell_type, vertices) for _, cell_type, vertices, _ in found]
     properties = [tags for *_, tags in found]
-    held = _with_corners(_held(deck, grids), blocks)
-    if len(held):
-        blocks.append(Cells("vertex", held[:, None]))
-        properties.append(np.zeros(len(held), dtype=np.int64))
     return Elements(blocks, properties)
 
 
@@ -116,7 +84,7 @@ def _cells(
     cards = deck.cards(name)
     last = kind.first + 1 + max(max(places) for _, places in kind.shapes)
     table = np.zeros((len(cards), last), dtype=np.int64)
-    for rows, fields in _by_length(deck, cards, last):
+    for rows, fields in by_length(deck, cards, last):
         table[rows, : fields.line.shape[1]] = deck.integers(fields)
     nodes = table[:, kind.first :]
     properties = table[:, 1] if kind.tagged else np.zeros(len(cards), dtype=np.int64)
@@ -146,31 +114,7 @@ def _cells(
     return blocks
 
 
-def _held(deck: Deck, grids: TagIndex) -> np.ndarray:
-    """The nodes that other cards need where they are, ascending."""
-    found = [np.empty(0, dtype=np.int64)]
-    for name in deck.names:
-        for _, fields in _by_length(deck, deck.cards(name), None) if name in HOLDING else ():
-            for part in HOLDING[name]:
-                chosen = Fields(*(array[:, part] for array in fields))
-                places = grids.find(deck.whole(chosen))
-                found.append(places[places >= 0].astype(np.int64))
-    return np.unique(np.concatenate(found))
-
-
-def _with_corners(nodes: np.ndarray, blocks: list[Cells]) -> np.ndarray:
-    """``nodes`` with mid nodes of cells replaced by the corners around them: these hold a mid node, too."""
-    for block in blocks if len(nodes) else ():
-        mids = CELL_TYPES[block.type].mids
-        first = block.vertices.shape[1] - len(mids)
-        for k, around in enumerate(mids):
-            mine = block.vertices[:, first + k]
-            corners = block.vertices[np.isin(mine, nodes)][:, around]
-            nodes = np.union1d(np.setdiff1d(nodes, mine), corners)
-    return nodes
-
-
-def _by_length(deck: Deck, cards: np.ndarray, last: int | None) -> list[tuple[np.ndarray, Fields]]:
+def by_length(deck: Deck, cards: np.ndarray, last: int | None) -> list[tuple[np.ndarray, Fields]]:
     """The fields of some cards, up to number ``last``: the rows with each number of lines, their fields."""
     lengths = deck.count[cards]
     result = []

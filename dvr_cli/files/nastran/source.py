@@ -16,9 +16,10 @@ from dvr_cli.files.nastran.cards import LARGE, SMALL, Deck, Fields
 from dvr_cli.files.nastran.columns import field_text, value_of
 from dvr_cli.files.nastran.contents import beyond_mesh
 from dvr_cli.files.nastran.elements import check_supported, read_elements
+from dvr_cli.files.nastran.holding import held_vertices
 from dvr_cli.files.numbers_in_text import write_texts
 from dvr_cli.files.source import InputFile, Source, differing
-from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.mesh.mesh import Cells, Mesh
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _SYSTEMS = {b"R": "rectangular", b"C": "cylindrical", b"S": "spherical"}
@@ -227,8 +228,8 @@ def read(file: InputFile) -> NastranSource:
     """Read a deck and the files it includes.
 
     Cells come in one block for each kind of element card, cell type by cell type, with the numbers of their
-    properties as cell data "nastran:property"; nodes that springs, masses, rigid elements and the like need
-    where they are come as vertex cells. Coordinates are (N, 3).
+    properties as cell data "nastran:property"; nodes that springs, rigid elements, loads, constraints and the
+    like hold come as vertex cells, the last block. Coordinates are (N, 3).
 
     Raises InputError for what is damaged, and for what cannot be read rightly: nodes in coordinate systems of
     their own, elements with some of their mid nodes, superelements, repeated cards (=).
@@ -252,7 +253,14 @@ def read(file: InputFile) -> NastranSource:
     if repeated is not None:
         line = int(deck.first[cards[np.flatnonzero(ids == repeated)[1]]])
         deck.refuse(line, f"node {repeated} is defined a second time")
-    elements = read_elements(deck, TagIndex(ids))
+    grids = TagIndex(ids)
+    elements = read_elements(deck, grids)
+    if end == len(assembly.data):
+        _check_end(deck, file.data)
+    held = held_vertices(deck, ids, grids, elements.blocks)
+    if len(held):
+        elements.blocks.append(Cells("vertex", held[:, None]))
+        elements.properties.append(np.zeros(len(held), dtype=np.int64))
     mesh = Mesh(points, elements.blocks, {"nastran:property": elements.properties})
     source = NastranSource(file, assembly, deck, mesh, cards, coordinates)
     source.unread = beyond_mesh(deck, assembly.data[:begin])
@@ -271,7 +279,27 @@ def _bulk(data: bytes) -> tuple[int, int]:
         begin = data.find(b"\n", sections[0]) + 1 or len(data)
     else:
         begin = len(_BYTE_ORDER_MARK) if data.startswith(_BYTE_ORDER_MARK) else 0
-    return begin, next(statements(lower, b"enddata", begin), len(data))
+    end = next(statements(lower, b"enddata", begin), len(data))
+    if sections and end == len(data):
+        raise InputError("BEGIN BULK has no ENDDATA: truncated; if the deck is whole, add a line ENDDATA")
+    return begin, end
+
+
+def _check_end(deck: Deck, data: bytes) -> None:
+    """Raise InputError where bulk data without ENDDATA seem to break off.
+
+    These are whole if their last line ends, asks for no continuation, and does not leave its card with fewer
+    lines than all others of its name have.
+    """
+    remedy = "and there is no ENDDATA: truncated; if the deck is whole, add a line ENDDATA"
+    if not data.endswith((b"\n", b"\r")):
+        raise InputError(f"it breaks off within its last line, {remedy}")
+    if deck.goes_on(len(deck.start) - 1):
+        deck.refuse(len(deck.start) - 1, f"the line asks for another one behind it, {remedy}")
+    large = deck.large[deck.first]
+    alike = deck.count[:-1][(deck.name[:-1] == deck.name[-1]) & (large[:-1] == large[-1])]
+    if len(alike) and deck.count[-1] < alike.min():
+        deck.refuse(int(deck.first[-1]), f"the last card has fewer lines than those like it, {remedy}")
 
 
 def _check_systems(deck: Deck, cards: np.ndarray, numbers: np.ndarray) -> None:
