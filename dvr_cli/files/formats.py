@@ -143,6 +143,7 @@ REGISTRY = (
         reader="medit",
         converter="medit",
         versions="1 to 4; text and binary",
+        refused="second-order prisms and pyramids, such hexahedra without a list of the order of nodes",
         regions="references",
         checked_by=("gmsh", "mmgpy"),
     ),

@@ -15,6 +15,7 @@ from dvr_cli.cli.main import main
 from dvr_cli.errors import InputError
 from dvr_cli.files import medit
 from dvr_cli.files.reading import open_mesh
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 from fuzz import COUNTS, mutated
 from gmsh_session import gmsh_session
@@ -223,6 +224,40 @@ def test_an_order_of_nodes_of_its_own():
     assert cells(listed) == cells(plain)
 
 
+# The nodes of a hexahedron in the order of an example that comes with libMeshb, from 0 to 2 on each axis.
+LIBMESHB = """0 0 0  2 0 0  2 2 0  0 2 0  0 0 2  2 0 2  2 2 2  0 2 2
+1 0 0  2 1 0  1 2 0  0 1 0  1 0 2  2 1 2  1 2 2  0 1 2  0 0 1  2 0 1  2 2 1  0 2 1
+1 1 0  1 1 2  1 0 1  2 1 1  1 2 1  0 1 1  1 1 1"""
+
+
+def test_nodes_of_hexahedra_in_the_order_that_the_file_lists():
+    rows = np.array(LIBMESHB.split(), dtype=int).reshape(-1, 3)
+    mixed = np.random.default_rng(4).permutation(27)
+    for order in (np.arange(27), mixed):
+        vertices = "".join(f"{x} {y} {z} 0\n" for x, y, z in rows.tolist())
+        listed = " ".join(map(str, rows[order].ravel().tolist()))
+        nodes = " ".join(map(str, (order + 1).tolist()))
+        text = (
+            f"MeshVersionFormatted 2 Dimension 3 Vertices 27\n{vertices}"
+            f"HexahedraQ2Ordering 27 {listed}\nHexahedraQ2 1 {nodes} 5\nEnd\n"
+        )
+        mesh = medit.read(text.encode()).mesh
+        (block,) = mesh.cells
+        corners = mesh.points[block.vertices[0, :8]]
+        assert corners.tolist() == rows[:8].tolist()
+        for around, node in zip(CELL_TYPES["hexahedron27"].mids, block.vertices[0, 8:], strict=True):
+            assert mesh.points[node].tolist() == corners[list(around)].mean(axis=0).tolist()
+
+
+def test_nodes_of_quadrilaterals_in_the_order_that_the_file_lists():
+    head = "MeshVersionFormatted 2 Dimension 2 Vertices 9 "
+    head += "".join(f"{x} {y} 0 " for y in range(3) for x in range(3))
+    plain = medit.read((head + "QuadrilateralsQ2 1  1 3 9 7 2 6 8 4 5 1 End").encode()).mesh
+    order = "QuadrilateralsQ2Ordering 9 " + " ".join(f"{x} {y}" for y in range(3) for x in range(3))
+    listed = medit.read((head + order + " QuadrilateralsQ2 1 1 2 3 4 5 6 7 8 9 1 End").encode()).mesh
+    assert cells(listed) == cells(plain)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -257,6 +292,10 @@ def test_an_order_of_nodes_of_its_own():
         (FAN.replace("End", "ExtraVerticesAtEdges 0"), "nodes of curved cells apart from them"),
         (FAN.replace("End", "TrianglesP2 0 TrianglesP2Ordering 1 1 2 3"), "does not list the 6 nodes"),
         (FAN.replace("End", "PrismsP2 0 PrismsP2Ordering 0"), "an order of nodes of its own"),
+        *(
+            (FAN.replace("End", f"{name} 1 {'1 ' * n} 0"), f"programs order the nodes of {name} differently")
+            for name, n in (("PyramidsP2", 14), ("PrismsP2", 18), ("HexahedraQ2", 27))
+        ),
     ],
 )
 def test_refused_with_one_line_that_says_why(text, words):

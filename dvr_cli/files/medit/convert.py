@@ -10,18 +10,14 @@ import numpy as np
 
 from dvr_cli.errors import OutputError
 from dvr_cli.files.losses import lost
-from dvr_cli.files.medit.keywords import DIMENSION, ELEMENTS, END, NAMES, VERTICES
+from dvr_cli.files.medit.keywords import DIMENSION, DISPUTED, ELEMENTS, END, NAMES, VERTICES
 from dvr_cli.files.medit.mesh import make_mesh
 from dvr_cli.files.source import Source
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.regions import region_names
 
-# The keyword of each type of cell. The order of nodes in other second-order cells is not agreed on.
-_KEYWORDS = {
-    cell_type: name
-    for name, (cell_type, _) in reversed(ELEMENTS.items())
-    if cell_type not in ("pyramid14", "wedge18", "hexahedron27")
-}
+# The keyword of each type of cell.
+_KEYWORDS = {cell_type: name for name, (cell_type, _) in reversed(ELEMENTS.items()) if name not in DISPUTED}
 # The sections beside elements that are written, of the point sets and cell sets of these names.
 HOLDING = frozenset({"Corners", "RequiredVertices", "Ridges", *(f"Required{name}" for name in ELEMENTS)})
 _CODES = {name: code for code, name in NAMES.items()}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dvr_cli.mesh.cell_types import CELL_TYPES
+
 # Keyword: meshio's type of the cell, number of its nodes. Gmsh and others leave the h out of hexahedra.
 ELEMENTS: dict[str, tuple[str, int]] = {
     "Edges": ("line", 2),
@@ -21,8 +23,21 @@ ELEMENTS: dict[str, tuple[str, int]] = {
     "HexahedraQ2": ("hexahedron27", 27),
 }
 
-# For types whose nodes a file may list in an order of its own: twice the barycentric coordinates of each node
-# in the usual order, which is meshio's, too.
+_SQUARE = [(0, 0), (2, 0), (2, 2), (0, 2)]
+_CUBE = [(x, y, z) for z in (0, 2) for x, y in _SQUARE]
+
+
+def _with_middles(corners: list[tuple[int, ...]], cell_type: str) -> list[tuple[int, ...]]:
+    """Places of the corners of a cell, and of its further nodes in meshio's order."""
+    middles = [
+        tuple(sum(axis) // len(around) for axis in zip(*(corners[i] for i in around), strict=True))
+        for around in CELL_TYPES[cell_type].mids
+    ]
+    return [*corners, *middles]
+
+
+# For types whose nodes a file may list in an order of its own: the place of each node, in meshio's order, as
+# such a list gives it. That is twice the barycentric coordinates, or coordinates from 0 to 2.
 ORDERINGS: dict[str, list[tuple[int, ...]]] = {
     "EdgesP2": [(0,), (2,), (1,)],
     "TrianglesP2": [(2, 0, 0), (0, 2, 0), (0, 0, 2), (1, 1, 0), (0, 1, 1), (1, 0, 1)],
@@ -30,7 +45,11 @@ ORDERINGS: dict[str, list[tuple[int, ...]]] = {
         *[(2, 0, 0, 0), (0, 2, 0, 0), (0, 0, 2, 0), (0, 0, 0, 2)],
         *[(1, 1, 0, 0), (0, 1, 1, 0), (1, 0, 1, 0), (1, 0, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1)],
     ],
+    "QuadrilateralsQ2": _with_middles([*_SQUARE], "quad9"),
+    "HexahedraQ2": _with_middles([*_CUBE], "hexahedron27"),
 }
+# Types whose nodes beside the corners programs list in different orders.
+DISPUTED = ("PyramidsP2", "PrismsP2", "HexahedraQ2")
 
 _HIGHER = ("EdgesP", "TrianglesP", "QuadrilateralsQ", "TetrahedraP", "PyramidsP", "PrismsP", "HexahedraQ")
 # What a mesh with such a section holds that cannot be relaxed.
