@@ -58,23 +58,33 @@ class ShapeTable:
         (0,1), (0,2), (1,2).
     slope: (S, d) row sums of M: ds/dx along a unit direction u is -2 Σ_j slope_j u·e_j.
     curvature: (S,) sum of all M_jk: the coefficient of λ² in s along a unit direction.
+    factor: (S, d(d+1)/2) the upper triangle, row after row, of the matrix L through which edges are seen:
+        s = Σ_jk M_jk (L e_j)·(L e_k), det L = 1. No rows where all are seen as they are. See
+        ``quality.metric``.
     """
 
     matrices: np.ndarray
     norm: np.ndarray
     slope: np.ndarray
     curvature: np.ndarray
+    factor: np.ndarray
+
+    def factors(self, rows: np.ndarray) -> list[np.ndarray] | None:
+        """The entries of L of these rows, an array of their shape each; None where the table has no L."""
+        return list(np.moveaxis(self.factor[rows], -1, 0)) if len(self.factor) else None
 
 
-def shape_table(matrices: np.ndarray) -> ShapeTable:
-    """The table with these (S, d, d) target matrices."""
-    j, k = np.triu_indices(matrices.shape[1], 1)
+def shape_table(matrices: np.ndarray, factor: np.ndarray | None = None) -> ShapeTable:
+    """The table with these (S, d, d) target matrices; factor: as in ``ShapeTable``, None for no L."""
+    d = matrices.shape[1]
+    j, k = np.triu_indices(d, 1)
     diagonal = np.einsum("sjj->sj", matrices)
     return ShapeTable(
         matrices=matrices,
         norm=np.ascontiguousarray(np.hstack([diagonal, 2.0 * matrices[:, j, k]])),
         slope=np.ascontiguousarray(matrices.sum(axis=2)),
         curvature=np.ascontiguousarray(matrices.sum(axis=(1, 2))),
+        factor=np.empty((0, d * (d + 1) // 2)) if factor is None else np.ascontiguousarray(factor),
     )
 
 

@@ -33,6 +33,32 @@ def cross(a: Components, b: Components) -> list[np.ndarray]:
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
+def through(factor: Sequence[np.ndarray], vector: Components) -> list[np.ndarray]:
+    """L u of a vector u, L being the upper triangular matrix whose entries, row after row, ``factor`` has."""
+    if len(vector) == 2:
+        a, b = vector
+        return [factor[0] * a + factor[1] * b, factor[2] * b]
+    a, b, c = vector
+    return [
+        factor[0] * a + factor[1] * b + factor[2] * c,
+        factor[3] * b + factor[4] * c,
+        factor[5] * c,
+    ]
+
+
+def back_through(factor: Sequence[np.ndarray], vector: Components) -> list[np.ndarray]:
+    """Lᵀ u; see ``through``."""
+    if len(vector) == 2:
+        a, b = vector
+        return [factor[0] * a, factor[1] * a + factor[2] * b]
+    a, b, c = vector
+    return [
+        factor[0] * a,
+        factor[1] * a + factor[3] * b,
+        factor[2] * a + factor[4] * b + factor[5] * c,
+    ]
+
+
 def opposite_normal(ends: Sequence[Components]) -> list[np.ndarray]:
     """The normal n of the facet spanned by the d ends of a corner's edges, with det E = e_0 · n.
 

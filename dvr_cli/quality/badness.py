@@ -31,11 +31,12 @@ def worst_corner(points: np.ndarray, corners: Simplices) -> tuple[int, float]:
     points: (N, d).
     """
     d = corners.dimension
-    norm = corners.table.norm
+    table = corners.table
     worst, largest = 0, -1.0
     for chunk in chunks(len(corners.vertices)):
         edges, v = edges_and_determinant(points, corners.vertices[chunk])
-        s = weighted_norm(edges, norm[corners.shapes[chunk, 0]].T)
+        rows = corners.shapes[chunk, 0]
+        s = weighted_norm(edges, table.norm[rows].T, table.factors(rows))
         with np.errstate(all="ignore"):  # a degenerate corner is not positive, whatever s/v says
             here = badness(v, s, d)
         if here.max() > largest:

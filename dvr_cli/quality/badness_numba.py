@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.jit import compiled, inlined
-from dvr_cli.quality.mean_ratio_numba import corner_terms_2d, corner_terms_3d
+from dvr_cli.quality.mean_ratio_numba import corner_terms_2d, corner_terms_3d, metric_norm
 
 
 @inlined
@@ -16,15 +16,24 @@ def badness(v: float, s: float, d: int) -> float:
 
 @compiled
 def worst_corner(
-    points: np.ndarray, vertices: np.ndarray, shapes: np.ndarray, norm: np.ndarray, first: int, last: int
+    points: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
+    norm: np.ndarray,
+    factor: np.ndarray,
+    first: int,
+    last: int,
 ) -> tuple[int, float]:
     """The first of the corners first .. last with the largest badness, and that badness."""
+    metric = len(factor) > 0
     worst, largest = first, -1.0
     for c in range(first, last):
         if points.shape[1] == 2:
             v, s = corner_terms_2d(points, vertices[c], norm, shapes[c, 0])
         else:
             v, s = corner_terms_3d(points, vertices[c], norm, shapes[c, 0])
+        if metric:
+            s = metric_norm(points, vertices[c], norm, factor, shapes[c, 0])
         here = badness(v, s, points.shape[1])
         if here > largest:
             worst, largest = c, here

@@ -12,14 +12,18 @@ import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.corners import Corners, Simplices
-from dvr_cli.mesh.simplex import Components, chunks, dot, edges_and_determinant
+from dvr_cli.mesh.simplex import Components, chunks, dot, edges_and_determinant, through
 
 DEGENERATE = 1e-10  # |Q| up to which an element counts as degenerate rather than positive or inverted
 
 
-def weighted_norm(edges: Sequence[Components], norm: Sequence[np.ndarray]) -> np.ndarray:
-    """s = Σ_jk M_jk e_j·e_k, with the coefficients of ``ShapeTable.norm``."""
+def weighted_norm(
+    edges: Sequence[Components], norm: Sequence[np.ndarray], factor: Sequence[np.ndarray] | None = None
+) -> np.ndarray:
+    """s = Σ_jk M_jk e_j·e_k, with the coefficients of ``ShapeTable.norm``; factor: L of that table's rows."""
     d = len(edges)
+    if factor is not None:
+        edges = [through(factor, edge) for edge in edges]
     total = norm[0] * dot(edges[0], edges[0])
     for j in range(1, d):
         total = total + norm[j] * dot(edges[j], edges[j])
@@ -48,7 +52,10 @@ def corner_qualities(
     # allocated here: NumPy is slow with the type of arrays that come from numba
     v, s = np.empty(len(corners.vertices)), np.empty(len(corners.vertices))
     terms = corner_terms if points.shape[1] > corners.dimension else backend.twin(corner_terms)
-    terms(points, corners.vertices, corners.shapes, corners.table.norm, v, s)
+    table = corners.table
+    terms(points, corners.vertices, corners.shapes, table.norm, v, s)
+    if len(table.factor):
+        backend.twin(metric_norms)(points, corners.vertices, corners.shapes, table.norm, table.factor, s)
     quality = mean_ratio(v, s, corners.dimension)
     if inverted is not None:
         quality[inverted] *= -1.0
@@ -69,6 +76,21 @@ def corner_terms(
     for chunk in chunks(len(vertices)):
         edges, v[chunk] = edges_and_determinant(points, vertices[chunk])
         s[chunk] = weighted_norm(edges, norm[shapes[chunk, 0]].T)
+
+
+def metric_norms(
+    points: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
+    norm: np.ndarray,
+    factor: np.ndarray,
+    s: np.ndarray,
+) -> None:
+    """Fill ``s`` (C,) with those of the corners ``vertices`` (C, d+1), their edges seen through ``factor``."""
+    for chunk in chunks(len(vertices)):
+        edges, _ = edges_and_determinant(points, vertices[chunk])
+        rows = shapes[chunk, 0]
+        s[chunk] = weighted_norm(edges, norm[rows].T, factor[rows].T)
 
 
 def turned_over(points: np.ndarray, corners: Simplices, normals: np.ndarray) -> np.ndarray:

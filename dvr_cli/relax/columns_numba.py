@@ -16,12 +16,13 @@ from dvr_cli.quality.badness_numba import badness
 # Rows of the scratch array, a column for each corner of a ring: the coordinates of the corner's other
 # vertices (three rows each, also in 2D), the normal of the facet they span, the corner's line, its badness;
 # then the row of the shape table that stands in the column, and its numbers; last some gradients, gathered in
-# the first columns, their products with a vector and their weights, and v^(-2/d). Loops over such rows
-# without branches are what the compiler turns into vector instructions.
+# the first columns, their products with a vector and their weights, and v^(-2/d); L of the shape table's row,
+# where it has one. Loops over such rows without branches are what the compiler turns into vector instructions.
 END, NORMAL, V0, V1, S0, S1, S2, BADNESS = 0, 9, 12, 13, 14, 15, 16, 17
 SHAPE, NORM, SLOPE, CURVATURE = 18, 19, 25, 28
 GRADIENT, ALONG, WEIGHT, POWER = 29, 32, 33, 34
-ROWS = 35
+FACTOR = 35
+ROWS = 41
 WIDTH = 8  # loops run over whole groups of columns; those beyond the ring hold leftovers nobody looks at
 
 
@@ -35,6 +36,7 @@ class RingArrays(NamedTuple):
     norm: np.ndarray
     slope: np.ndarray
     curvature: np.ndarray
+    factor: np.ndarray
 
 
 @inlined
@@ -59,6 +61,8 @@ def set_ring(
         _set_lines_2d(points, vertex, d0, d1, rings.others, lo, n, scratch)
     else:
         _set_lines_3d(points, vertex, d0, d1, d2, rings.others, lo, n, scratch)
+    if len(rings.factor):
+        _set_metric_norms(points, vertex, d0, d1, d2, n, scratch)
     return n
 
 
@@ -71,6 +75,9 @@ def _set_shape(scratch: np.ndarray, c: int, k: int, rings: RingArrays) -> None:
     for i in range(rings.slope.shape[1]):
         scratch[SLOPE + i, c] = rings.slope[k, i]
     scratch[CURVATURE, c] = rings.curvature[k]
+    if len(rings.factor):
+        for i in range(rings.factor.shape[1]):
+            scratch[FACTOR + i, c] = rings.factor[k, i]
 
 
 @inlined
@@ -156,6 +163,100 @@ def _set_lines_3d(
         scratch[S0, c] = _norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, scratch, c)
         scratch[S1, c] = -along
         scratch[S2, c] = scratch[CURVATURE, c] * dd
+
+
+@inlined
+def _set_metric_norms(
+    points: np.ndarray, vertex: int, d0: float, d1: float, d2: float, n: int, scratch: np.ndarray
+) -> None:
+    """Put s0, s1 and s2 of edges seen through L in the place of those of the edges themselves."""
+    x0, x1 = points[vertex, 0], points[vertex, 1]
+    if points.shape[1] == 2:
+        for c in range(padded(n)):
+            e0, e1 = _through_2d(scratch, c, scratch[END, c] - x0, scratch[END + 1, c] - x1)
+            f0, f1 = _through_2d(scratch, c, scratch[END + 3, c] - x0, scratch[END + 4, c] - x1)
+            u0, u1 = _through_2d(scratch, c, d0, d1)
+            along = scratch[SLOPE, c] * (u0 * e0 + u1 * e1)
+            along = along + scratch[SLOPE + 1, c] * (u0 * f0 + u1 * f1)
+            scratch[S0, c] = _norm_2d(e0, e1, f0, f1, scratch, c)
+            scratch[S1, c] = -along
+            scratch[S2, c] = scratch[CURVATURE, c] * (u0 * u0 + u1 * u1)
+        return
+    x2 = points[vertex, 2]
+    for c in range(padded(n)):
+        e0, e1, e2 = _through_end(scratch, c, END, x0, x1, x2)
+        f0, f1, f2 = _through_end(scratch, c, END + 3, x0, x1, x2)
+        g0, g1, g2 = _through_end(scratch, c, END + 6, x0, x1, x2)
+        u0, u1, u2 = _through_3d(scratch, c, d0, d1, d2)
+        along = scratch[SLOPE, c] * (u0 * e0 + u1 * e1 + u2 * e2)
+        along = along + scratch[SLOPE + 1, c] * (u0 * f0 + u1 * f1 + u2 * f2)
+        along = along + scratch[SLOPE + 2, c] * (u0 * g0 + u1 * g1 + u2 * g2)
+        scratch[S0, c] = _norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, scratch, c)
+        scratch[S1, c] = -along
+        scratch[S2, c] = scratch[CURVATURE, c] * (u0 * u0 + u1 * u1 + u2 * u2)
+
+
+@inlined
+def largest_metric_badness(x0: float, x1: float, x2: float, n: int, d: int, scratch: np.ndarray) -> float:
+    """The largest badness of a ring with its vertex at x, its edges seen through L."""
+    for c in range(padded(n)):
+        if d == 2:
+            a0, a1 = scratch[END, c] - x0, scratch[END + 1, c] - x1
+            v = a0 * scratch[NORMAL, c] + a1 * scratch[NORMAL + 1, c]
+            e0, e1 = _through_2d(scratch, c, a0, a1)
+            f0, f1 = _through_2d(scratch, c, scratch[END + 3, c] - x0, scratch[END + 4, c] - x1)
+            s = _norm_2d(e0, e1, f0, f1, scratch, c)
+        else:
+            v = (scratch[END, c] - x0) * scratch[NORMAL, c] + (scratch[END + 1, c] - x1) * scratch[
+                NORMAL + 1, c
+            ]
+            v = v + (scratch[END + 2, c] - x2) * scratch[NORMAL + 2, c]
+            e0, e1, e2 = _through_end(scratch, c, END, x0, x1, x2)
+            f0, f1, f2 = _through_end(scratch, c, END + 3, x0, x1, x2)
+            g0, g1, g2 = _through_end(scratch, c, END + 6, x0, x1, x2)
+            s = _norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, scratch, c)
+        scratch[BADNESS, c] = badness(v, s, d)
+    return scratch[BADNESS, first_largest(scratch, n)]
+
+
+@inlined
+def to_metric(scratch: np.ndarray, row: int, at: int, c: int, d: int) -> None:
+    """Multiply the vector in column ``at`` of some rows by LᵀL of column c; see ``simplex.back_through``."""
+    if d == 2:
+        a, b = _through_2d(scratch, c, scratch[row, at], scratch[row + 1, at])
+        scratch[row, at] = scratch[FACTOR, c] * a
+        scratch[row + 1, at] = scratch[FACTOR + 1, c] * a + scratch[FACTOR + 2, c] * b
+        return
+    a, b, e = _through_3d(scratch, c, scratch[row, at], scratch[row + 1, at], scratch[row + 2, at])
+    scratch[row, at] = scratch[FACTOR, c] * a
+    scratch[row + 1, at] = scratch[FACTOR + 1, c] * a + scratch[FACTOR + 3, c] * b
+    scratch[row + 2, at] = (
+        scratch[FACTOR + 2, c] * a + scratch[FACTOR + 4, c] * b + scratch[FACTOR + 5, c] * e
+    )
+
+
+@inlined
+def _through_2d(scratch: np.ndarray, c: int, a: float, b: float) -> tuple[float, float]:
+    """L u with L of column c; see ``simplex.through``."""
+    return scratch[FACTOR, c] * a + scratch[FACTOR + 1, c] * b, scratch[FACTOR + 2, c] * b
+
+
+@inlined
+def _through_3d(scratch: np.ndarray, c: int, a: float, b: float, e: float) -> tuple[float, float, float]:
+    """L u with L of column c; see ``simplex.through``."""
+    return (
+        scratch[FACTOR, c] * a + scratch[FACTOR + 1, c] * b + scratch[FACTOR + 2, c] * e,
+        scratch[FACTOR + 3, c] * b + scratch[FACTOR + 4, c] * e,
+        scratch[FACTOR + 5, c] * e,
+    )
+
+
+@inlined
+def _through_end(
+    scratch: np.ndarray, c: int, end: int, x0: float, x1: float, x2: float
+) -> tuple[float, float, float]:
+    """The edge from x to one of the corner's ends, seen through L of column c."""
+    return _through_3d(scratch, c, scratch[end, c] - x0, scratch[end + 1, c] - x1, scratch[end + 2, c] - x2)
 
 
 @inlined

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dvr_cli.mesh.simplex import Components, cross, dot, opposite_normal, subtract
+from dvr_cli.mesh.simplex import Components, cross, dot, opposite_normal, subtract, through
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
 
@@ -105,15 +105,19 @@ def coefficients(
     norm: Sequence[np.ndarray],
     slope: Sequence[np.ndarray],
     curvature: np.ndarray,
+    factor: Sequence[np.ndarray] | None = None,
 ) -> Lines:
     """The lines of all corners of n vertices at ``x`` that move along ``direction``.
 
     x, direction: d components (n,); ends: the d other vertices of each corner, d components (K, n) each;
-    norm, slope, curvature: the corner's row of the shape table, each entry (K, n) or of shape (1, 1).
+    norm, slope, curvature, factor: the corner's row of the shape table, each entry (K, n) or of shape (1, 1).
     """
     edges = [subtract(end, x) for end in ends]
     normal = opposite_normal(ends)
     v = dot(edges[0], normal), -dot(direction, normal)
+    if factor is not None:
+        edges = [through(factor, edge) for edge in edges]
+        direction = through(factor, direction)
     return _lines(v, direction, edges, norm, slope, curvature, len(x))
 
 

@@ -22,6 +22,7 @@ from dvr_cli.relax.columns_numba import (
     first_largest,
     largest_badness_2d,
     largest_badness_3d,
+    largest_metric_badness,
     padded,
     set_ring,
 )
@@ -57,7 +58,9 @@ def relax_rings(
         x0 = points[vertex, 0] + step * d0
         x1 = points[vertex, 1] + step * d1
         x2 = points[vertex, 2] + step * d2 if d == 3 else 0.0
-        if d == 2:
+        if len(rings.factor):
+            after = largest_metric_badness(x0, x1, x2, n, d, scratch)
+        elif d == 2:
             after = largest_badness_2d(x0, x1, n, scratch)
         else:
             after = largest_badness_3d(x0, x1, x2, n, scratch)

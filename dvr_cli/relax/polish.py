@@ -74,6 +74,7 @@ def mean_ascent(
     slope: Sequence[np.ndarray],
     within: tuple[np.ndarray, Components] | None,
     real: np.ndarray,
+    factor: Sequence[np.ndarray] | None = None,
 ) -> list[np.ndarray]:
     """Unit vectors along which the sum of 1/Q of n rings falls fastest; arguments as for ``steepest``.
 
@@ -82,10 +83,10 @@ def mean_ascent(
     d = len(x)
     edges = [subtract(end, x) for end in ends]
     normal = opposite_normal(ends)
-    v, s = dot(edges[0], normal), weighted_norm(edges, norm)
+    v, s = dot(edges[0], normal), weighted_norm(edges, norm, factor)
     with np.errstate(all="ignore"):  # what is not finite is found at the end
         inverse = s * (1.0 / v if d == 2 else inverse_power(v))
-        total = [_sum(inverse * g, real) for g in gradient(edges, normal, v, s, slope)]
+        total = [_sum(inverse * g, real) for g in gradient(edges, normal, v, s, slope, factor)]
         total = total if within is None else project(total, *within)
         length = dot(total, total)
         usable = (badness(v, s, d).max(axis=0) < np.inf) & (length > 0.0) & (length < np.inf)

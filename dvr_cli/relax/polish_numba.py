@@ -88,7 +88,7 @@ def mean_directions(
         _set_powers(scratch, n, d, 0.0)
         total = n  # the column of the sum
         for c in range(n):
-            gradient(points, vertex, c, d, scratch, c)
+            gradient(points, vertex, c, d, len(rings.factor) > 0, scratch, c)
             inverse = scratch[S0, c] * scratch[POWER, c]
             for i in range(d):
                 here = inverse * scratch[GRADIENT + i, c]

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvr_cli.boundary.freedom import project
-from dvr_cli.mesh.simplex import Components, dot, opposite_normal, subtract
+from dvr_cli.mesh.simplex import Components, back_through, dot, opposite_normal, subtract, through
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
 
@@ -60,22 +60,23 @@ def steepest(
     slope: Sequence[np.ndarray],
     within: tuple[np.ndarray, Components] | None,
     band: float,
+    factor: Sequence[np.ndarray] | None = None,
 ) -> list[np.ndarray]:
     """Unit vectors along which the minimum quality of n rings grows fastest: d components (n,).
 
-    x, ends, norm, slope: as for ``line.coefficients``. within: what the vertices are free to follow, see
+    x, ends, norm, slope, factor: as for ``line.coefficients``. within: what the vertices are free to follow, see
     ``freedom.project``. band: see Ascent. Zero where no direction makes all nearly worst corners better.
     Corners that are not positive are the worst; the direction makes their determinants grow.
     """
     d = len(x)
     edges = [subtract(end, x) for end in ends]
     normal = opposite_normal(ends)
-    v, s = dot(edges[0], normal), weighted_norm(edges, norm)
+    v, s = dot(edges[0], normal), weighted_norm(edges, norm, factor)
     with np.errstate(all="ignore"):  # what is not finite is found at the end
         now = badness(v, s, d)
         largest = now.max(axis=0)
         active = now >= least_badness(largest, band, d)
-        vectors = gradient(edges, normal, v, s, slope)
+        vectors = gradient(edges, normal, v, s, slope, factor)
         if (tangled := largest == np.inf).any():
             size = np.sqrt(dot(normal, normal))
             vectors = [np.where(tangled, n / size, g) for n, g in zip(normal, vectors, strict=True)]
@@ -90,16 +91,19 @@ def gradient(
     v: np.ndarray,
     s: np.ndarray,
     slope: Sequence[np.ndarray],
+    factor: Sequence[np.ndarray] | None = None,
 ) -> list[np.ndarray]:
     """d/2 times the gradient of log 1/Q of each corner in the position of its vertex: d components."""
     d = len(edges)
-    result = []
+    pull = []
     for i in range(d):
-        pull = slope[0] * edges[0][i]
+        total = slope[0] * edges[0][i]
         for j in range(1, d):
-            pull = pull + slope[j] * edges[j][i]
-        result.append(normal[i] / v - d * pull / s)
-    return result
+            total = total + slope[j] * edges[j][i]
+        pull.append(total)
+    if factor is not None:
+        pull = back_through(factor, through(factor, pull))
+    return [normal[i] / v - d * pull[i] / s for i in range(d)]
 
 
 def _shortest_in_hull(vectors: Components, active: np.ndarray, initial: np.ndarray) -> list[np.ndarray]:

@@ -18,6 +18,7 @@ from dvr_cli.relax.columns_numba import (
     WEIGHT,
     RingArrays,
     set_ring,
+    to_metric,
 )
 from dvr_cli.relax.line_numba import worst_corner
 from dvr_cli.relax.steepest import MAX_TRANSFERS, SHORTEST, VANISHING
@@ -53,7 +54,7 @@ def steepest_directions(
         for c in range(n):
             if scratch[BADNESS, c] >= largest * keep:
                 if largest < np.inf:
-                    gradient(points, vertex, c, d, scratch, count)
+                    gradient(points, vertex, c, d, len(rings.factor) > 0, scratch, count)
                 else:
                     _raising(c, d, scratch, count)
                 if len(axis):
@@ -66,13 +67,23 @@ def steepest_directions(
 
 
 @inlined
-def gradient(points: np.ndarray, vertex: int, c: int, d: int, scratch: np.ndarray, to: int) -> None:
-    """d/2 times the gradient of log 1/Q of the corner in column c, put into column ``to``."""
+def gradient(
+    points: np.ndarray, vertex: int, c: int, d: int, metric: bool, scratch: np.ndarray, to: int
+) -> None:
+    """d/2 times the gradient of log 1/Q of the corner in column c, put into column ``to``.
+
+    metric: whether the corner's edges are seen through L.
+    """
     for i in range(d):
         x = points[vertex, i]
         pull = scratch[SLOPE, c] * (scratch[END + i, c] - x)
         for j in range(1, d):
             pull = pull + scratch[SLOPE + j, c] * (scratch[END + 3 * j + i, c] - x)
+        scratch[GRADIENT + i, to] = pull
+    if metric:
+        to_metric(scratch, GRADIENT, to, c, d)
+    for i in range(d):
+        pull = scratch[GRADIENT + i, to]
         scratch[GRADIENT + i, to] = scratch[NORMAL + i, c] / scratch[V0, c] - d * pull / scratch[S0, c]
 
 

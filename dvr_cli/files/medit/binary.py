@@ -20,11 +20,14 @@ from dvr_cli.files.medit.keywords import (
     END,
     NAMES,
     PRECISION,
+    SOLUTION,
     UNCOUNTED,
     VECTORS,
     VERTICES,
     WHOLE,
 )
+
+BINARY = (b"\x01\x00\x00\x00", b"\x00\x00\x00\x01")  # the first bytes of such a file
 
 
 class _Section(NamedTuple):
@@ -39,8 +42,8 @@ class _Section(NamedTuple):
 class BinaryFile:
     """A .meshb file cut into sections; see ``TextFile`` for what is offered."""
 
-    def __init__(self, data: bytes) -> None:
-        """Raises InputError for what is damaged, or has a section twice."""
+    def __init__(self, data: bytes, needed: int = VERTICES) -> None:
+        """Raises InputError for what is damaged, has a section twice, or lacks the one ``needed``."""
         self._data = data
         self._order = "<" if data[:1] == b"\x01" else ">"
         if len(data) < 8:
@@ -51,7 +54,7 @@ class BinaryFile:
         self._position = 4 if self.version < 3 else 8
         self._integer = np.dtype(f"{self._order}i{4 if self.version < 4 else 8}")
         self._sections = self._find()
-        for code in (DIMENSION, VERTICES):
+        for code in (DIMENSION, needed):
             if code not in self._sections:
                 raise InputError(f"the section {NAMES[code]} is missing")
         self.dimension = self._value(DIMENSION)
@@ -86,6 +89,17 @@ class BinaryFile:
         """Coordinates (N, d) and references (N,)."""
         rows = self._rows(self._sections[VERTICES], self._vertex)
         return rows["place"].astype(np.float64), rows["reference"].astype(np.int64)
+
+    def solutions(self) -> tuple[int, list[int], np.ndarray]:
+        """The number of rows of the solutions at vertices, the kind of each solution, all numbers in a row."""
+        section = self._sections[SOLUTION]
+        count, at = self._count(section), section.begin + self._integer.itemsize
+        if section.end < at + 4 or not 0 <= (solutions := self._number(at, 4)) <= (section.end - at) // 4 - 1:
+            raise InputError(f"section {_name(SOLUTION)} is too short for its header")
+        kinds = np.frombuffer(self._data, f"{self._order}i4", solutions, at + 4).tolist()
+        at += 4 + 4 * solutions
+        numbers = np.frombuffer(self._data, self._real, (section.end - at) // self._real.itemsize, at)
+        return count, kinds, numbers.astype(np.float64)
 
     def write(self, points: np.ndarray, changed: np.ndarray, file: BinaryIO) -> None:
         """Write the file with the coordinates in ``points`` (N, d) that are ``changed`` (N, d) replaced."""

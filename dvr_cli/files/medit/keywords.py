@@ -71,7 +71,7 @@ UNCOUNTED = frozenset(
 # Sections of rows of as many numbers, not whole ones, as the mesh has dimensions.
 VECTORS = frozenset({"Tangents", "Normals"})
 
-MESH_VERSION, DIMENSION, VERTICES, END, PRECISION = 1, 3, 4, 54, 155
+MESH_VERSION, DIMENSION, VERTICES, END, SOLUTION, PRECISION = 1, 3, 4, 54, 62, 155
 # The number of each keyword in binary files.
 NAMES: dict[int, str] = {
     MESH_VERSION: "MeshVersionFormatted",
@@ -119,7 +119,7 @@ NAMES: dict[int, str] = {
     59: "Tangents",
     60: "Normals",
     61: "TangentAtVertices",
-    62: "SolAtVertices",
+    SOLUTION: "SolAtVertices",
     82: "PeriodicVertices",
     83: "PeriodicEdges",
     84: "PeriodicTriangles",

@@ -6,14 +6,13 @@ from typing import BinaryIO
 
 import numpy as np
 
-from dvr_cli.files.medit.binary import BinaryFile
+from dvr_cli.files.medit.binary import BINARY, BinaryFile
 from dvr_cli.files.medit.convert import HOLDING, ConvertedMedit, named_binary
 from dvr_cli.files.medit.keywords import ELEMENTS
 from dvr_cli.files.medit.mesh import make_mesh
 from dvr_cli.files.medit.text import TextFile
 from dvr_cli.files.source import Source, differing, rounded
 
-_BINARY = (b"\x01\x00\x00\x00", b"\x00\x00\x00\x01")
 _IN_MESH = frozenset({*ELEMENTS, "MeshVersionFormatted", "Dimension", "Vertices"})
 
 
@@ -26,7 +25,7 @@ class MeditSource(Source):
         """Raises InputError for what is damaged or not supported."""
         super().__init__()
         self._data = data
-        self._file = BinaryFile(data) if data[:4] in _BINARY else TextFile(data)
+        self._file = BinaryFile(data) if data[:4] in BINARY else TextFile(data)
         self.mesh = make_mesh(self._file)
         self._converted: ConvertedMedit | None = None
         self._points = self.mesh.points.copy()  # as read, whatever becomes of the mesh

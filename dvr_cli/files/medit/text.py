@@ -34,11 +34,8 @@ class TextFile:
     def __init__(self, data: bytes) -> None:
         """Raises InputError for what is no MEDIT file, or has a section twice."""
         self._data = data
-        text = b"   " + data[3:] if data.startswith(_BYTE_ORDER_MARK) else data
-        if b"#" in text or b'"' in text:
-            text = _ASIDE.sub(lambda match: b" " * len(match.group()), text)
-        self._text = text
-        self._spans = _sections(text)
+        self._text = readable(data)
+        self._spans = sections_of(self._text)
         version = self._value("MeshVersionFormatted")
         if version not in range(5):  # 0 is what BAMG writes
             raise InputError(f"MeshVersionFormatted {version} is not known; there are versions 1 to 4")
@@ -92,7 +89,7 @@ class TextFile:
         try:
             if len(starts) != count * columns:
                 raise ValueError(f"{len(starts)} numbers instead of {count * columns}")
-            values = parse_numbers(_with_e(text), len(starts), np.float64)
+            values = parse_numbers(with_e(text), len(starts), np.float64)
         except ValueError as error:
             what = f"{count} rows of {columns} numbers"
             raise InputError(f"section Vertices should have {what}: {error}") from None
@@ -117,8 +114,19 @@ class TextFile:
         return int(match[1])
 
 
-def _sections(text: bytes) -> dict[str, tuple[int, int]]:
-    """The start of each section, behind its keyword, and its end."""
+def readable(data: bytes) -> bytes:
+    """The text of a file, of the same length, with blanks for what is no part of its sections."""
+    text = b"   " + data[3:] if data.startswith(_BYTE_ORDER_MARK) else data
+    if b"#" in text or b'"' in text:
+        text = _ASIDE.sub(lambda match: b" " * len(match.group()), text)
+    return text
+
+
+def sections_of(text: bytes) -> dict[str, tuple[int, int]]:
+    """The start of each section, behind its keyword, and its end.
+
+    Raises InputError for what is no MEDIT file, or has a section twice.
+    """
     characters = np.frombuffer(b" " + text, dtype=np.uint8)
     letter = (characters[1:] | 32) - ord("a") < 26  # unsigned: what lies before wraps round
     starts = np.flatnonzero(letter & is_blank(characters[:-1])).tolist()
@@ -147,6 +155,6 @@ def _what_else(text: bytes) -> str:
     return "not a MEDIT file: it does not begin with MeshVersionFormatted"
 
 
-def _with_e(text: bytes) -> bytes:
+def with_e(text: bytes) -> bytes:
     """Numbers with exponents as Fortran writes them (1.5D-3) made readable."""
     return text.translate(_FORTRAN) if b"D" in text or b"d" in text else text

@@ -36,7 +36,7 @@ class NumbaEngine(Engine):
         rings, table, freedom = problem.rings, problem.touched.table, problem.freedom
         self._rings = RingArrays(
             *(rings.vertices, rings.start, rings.others, rings.shapes),
-            *(table.norm, table.slope, table.curvature),
+            *(table.norm, table.slope, table.curvature, table.factor),
         )
         self._within = (
             (np.empty(0, dtype=bool), np.empty((0, problem.dimension)))
@@ -76,9 +76,10 @@ class NumbaEngine(Engine):
         return self._in_parts(part, *self.problem.batch_start[batch : batch + 2].tolist())
 
     def _worst_corner(self) -> tuple[int, float]:
-        touched, norm = self.problem.touched, self.problem.touched.table.norm
+        touched = self.problem.touched
+        table = touched.table.norm, touched.table.factor
         parts = self._in_parts(
-            lambda a, b: worst_corner(self._points, touched.vertices, touched.shapes, norm, a, b),
+            lambda a, b: worst_corner(self._points, touched.vertices, touched.shapes, *table, a, b),
             0,
             len(touched.vertices),
         )

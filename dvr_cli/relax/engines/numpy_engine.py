@@ -48,15 +48,15 @@ class NumpyEngine(Engine):
 
     def _steepest(self, batch: int, band: float) -> np.ndarray:
         for chunk in self._batches[batch]:
-            x, ends, norm, slope, _ = self._ring(chunk)
-            found = steepest(x, ends, norm, slope, self._within(chunk), band)
+            x, ends, norm, slope, _, factor = self._ring(chunk)
+            found = steepest(x, ends, norm, slope, self._within(chunk), band, factor)
             self._directions[chunk.rings] = np.stack(found, axis=1)
         return self._directions
 
     def _mean_ascent(self, batch: int) -> np.ndarray:
         for chunk in self._batches[batch]:
-            x, ends, norm, slope, _ = self._ring(chunk)
-            found = mean_ascent(x, ends, norm, slope, self._within(chunk), chunk.real)
+            x, ends, norm, slope, _, factor = self._ring(chunk)
+            found = mean_ascent(x, ends, norm, slope, self._within(chunk), chunk.real, factor)
             self._directions[chunk.rings] = np.stack(found, axis=1)
         return self._directions
 
@@ -72,38 +72,47 @@ class NumpyEngine(Engine):
 
     def _ring(
         self, chunk: RingChunk
-    ) -> tuple[list[np.ndarray], list[list[np.ndarray]], list[np.ndarray], list[np.ndarray], np.ndarray]:
-        """x, ends, norm, slope and curvature of the chunk's rings, as ``line.coefficients`` takes them."""
+    ) -> tuple[
+        list[np.ndarray],
+        list[list[np.ndarray]],
+        list[np.ndarray],
+        list[np.ndarray],
+        np.ndarray,
+        list[np.ndarray] | None,
+    ]:
+        """x, ends, norm, slope, curvature and factor of the chunk's rings, as ``line.coefficients`` takes
+        them.
+        """
         table = self.problem.touched.table
         norm = list(table.norm[chunk.shapes].transpose(2, 0, 1))
         slope = list(table.slope[chunk.shapes].transpose(2, 0, 1))
         ends = [[component[end] for component in self._coordinates] for end in chunk.ends]
         x = [component[chunk.vertices] for component in self._coordinates]
-        return x, ends, norm, slope, table.curvature[chunk.shapes]
+        return x, ends, norm, slope, table.curvature[chunk.shapes], table.factors(chunk.shapes)
 
     def _relax_chunk(self, chunk: RingChunk, directions: np.ndarray) -> int:
-        x, ends, norm, slope, curvature = self._ring(chunk)
+        x, ends, norm, slope, curvature, factor = self._ring(chunk)
         direction = list(directions[chunk.rings].T)
-        lines = coefficients(x, direction, ends, norm, slope, curvature)
+        lines = coefficients(x, direction, ends, norm, slope, curvature, factor)
         step, before = maximise_minimum(lines)
         moving = np.flatnonzero(step != 0.0)
         if not len(moving):
             return 0
-        target, v, s = self._at_target(x, direction, step, ends, norm, moving)
+        target, v, s = self._at_target(x, direction, step, ends, norm, factor, moving)
         with np.errstate(all="ignore"):
             after = badness(v, s, self._dimension).max(axis=0)
         better = improves(before[moving], after, self._dimension)
         return self._move(chunk, moving, target, better)
 
     def _polish_chunk(self, chunk: RingChunk, directions: np.ndarray, limit: float) -> int:
-        x, ends, norm, slope, curvature = self._ring(chunk)
+        x, ends, norm, slope, curvature, factor = self._ring(chunk)
         direction = list(directions[chunk.rings].T)
-        lines = coefficients(x, direction, ends, norm, slope, curvature)
+        lines = coefficients(x, direction, ends, norm, slope, curvature, factor)
         step, before = lowest_sum(lines, chunk.real, limit)
         moving = np.flatnonzero(step != 0.0)
         if not len(moving):
             return 0
-        target, v, s = self._at_target(x, direction, step, ends, norm, moving)
+        target, v, s = self._at_target(x, direction, step, ends, norm, factor, moving)
         with np.errstate(all="ignore"):
             largest = badness(v, s, self._dimension).max(axis=0)
             after = sum_of_inverses(v, s, chunk.real[:, moving], self._dimension)
@@ -117,6 +126,7 @@ class NumpyEngine(Engine):
         step: np.ndarray,
         ends: Sequence[Components],
         norm: Sequence[np.ndarray],
+        factor: Sequence[np.ndarray] | None,
         moving: np.ndarray,
     ) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
         """The targets of a chunk's vertices ``moving``, as rounded, and v and s of their corners there."""
@@ -125,7 +135,8 @@ class NumpyEngine(Engine):
         edges = [subtract(end, target) for end in ends]
         if norm[0].size > 1:
             norm = [row[:, moving] for row in norm]
-        return target, dot(edges[0], opposite_normal(ends)), weighted_norm(edges, norm)
+            factor = None if factor is None else [row[:, moving] for row in factor]
+        return target, dot(edges[0], opposite_normal(ends)), weighted_norm(edges, norm, factor)
 
     def _move(self, chunk: RingChunk, moving: np.ndarray, target: Components, better: np.ndarray) -> int:
         moved = chunk.vertices[moving[better]]

@@ -94,7 +94,8 @@ class _State:
             freedom.dimension[problem.rings.vertices] = problem.freedom.dimension
             freedom.axis[problem.rings.vertices] = problem.freedom.axis
         # the last fields of each ``Patch``: the shape table, and each vertex's freedom
-        self.rules = self._touched.table.norm, freedom.dimension, freedom.axis
+        table = self._touched.table
+        self.rules = table.norm, table.factor, freedom.dimension, freedom.axis
         self.quality = corner_qualities(self.points, self._touched)
         self.layers = np.ones(len(self.quality), dtype=np.int64)  # to be freed around each corner
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dvr_cli.boundary.freedom import project
-from dvr_cli.mesh.simplex import cross, dot, edges_and_determinant
+from dvr_cli.mesh.simplex import back_through, cross, dot, edges_and_determinant, through
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.lbfgs import Pair, descent
@@ -40,7 +40,7 @@ class Patch(NamedTuple):
     """A patch: vertices that move together, all corners with any of them, and the tables about both.
 
     moving: (n,) vertices. vertices: (C, d+1), and shapes: (C,), of the corners. slot: (N,) number of each
-    moving vertex among them, negative for all that stay. norm: of ``ShapeTable``. dimension: (N,) and
+    moving vertex among them, negative for all that stay. norm, factor: of ``ShapeTable``. dimension: (N,) and
     axis: (N, d) of ``Freedom``.
     """
 
@@ -49,6 +49,7 @@ class Patch(NamedTuple):
     shapes: np.ndarray
     slot: np.ndarray
     norm: np.ndarray
+    factor: np.ndarray
     dimension: np.ndarray
     axis: np.ndarray
 
@@ -87,6 +88,7 @@ class PatchEnergy:
         self._vertices = patch.vertices
         self._on_line, self._axis = patch.dimension[moving] == 1, patch.axis[moving]
         self._norm = patch.norm[patch.shapes].T
+        self._factor = patch.factor[patch.shapes].T if len(patch.factor) else None
         slots = patch.slot[patch.vertices]
         own = np.broadcast_to(slots[:, :1], slots[:, 1:].shape)
         slots = np.stack([slots[:, 1:], own], axis=2)  # of both ends of each edge
@@ -99,7 +101,7 @@ class PatchEnergy:
         """(C,) B of each corner, infinite where it is not positive."""
         edges, v = edges_and_determinant(self.points, self._vertices)
         with np.errstate(all="ignore"):
-            return badness(v, weighted_norm(edges, self._norm), len(edges))
+            return badness(v, weighted_norm(edges, self._norm, self._factor), len(edges))
 
     def norm(self, reference: float, squarings: int) -> tuple[float, np.ndarray]:
         """f, with k = 2^squarings and ``reference`` for B_max, and the share of each corner in Σ r^k."""
@@ -127,16 +129,23 @@ class PatchEnergy:
             normals = [[h[1], -h[0]], [-e[1], e[0]]]
         else:
             normals = [cross(edges[(j + 1) % 3], edges[(j + 2) % 3]) for j in range(3)]
+        v = dot(edges[0], normals[0])
+        factor = None
+        if self._factor is not None:
+            factor = self._factor[:, heavy]
+            edges = [through(factor, edge) for edge in edges]
         along = []  # ∂s/∂e_j
         for j in range(d):
             row = [2.0 * norm[j] * edges[j][i] for i in range(d)]
             for other, place in _PRODUCTS[d][j]:
                 row = [row[i] + norm[place] * edges[other][i] for i in range(d)]
             along.append(row)
-        v, twice_s = dot(edges[0], normals[0]), dot(edges[0], along[0])
+        twice_s = dot(edges[0], along[0])
         for j in range(1, d):
             for i in range(d):
                 twice_s = twice_s + edges[j][i] * along[j][i]
+        if factor is not None:
+            along = [back_through(factor, row) for row in along]
         to_s, to_v = 2.0 * weight / twice_s, weight / v
         if d == 3:
             to_s, to_v = 3.0 * to_s, 2.0 * to_v

@@ -9,7 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.jit import compiled, inlined
+from dvr_cli.mesh.simplex_numba import determinant_2d, determinant_3d
 from dvr_cli.quality.badness_numba import badness
+from dvr_cli.quality.mean_ratio_numba import metric_norm, through_2d, through_3d
 from dvr_cli.relax.lbfgs_numba import descent, dot
 from dvr_cli.relax.line_numba import improves
 from dvr_cli.relax.patches.solver import (
@@ -113,6 +115,27 @@ def _minimise(
 
 
 @inlined
+def _see_through(factor: np.ndarray, k: int, u: np.ndarray) -> None:
+    """Put L u in the place of u, with row k of the shape table; see ``simplex.through``."""
+    if len(u) == 2:
+        u[0], u[1] = through_2d(factor, k, u[0], u[1])
+    else:
+        u[0], u[1], u[2] = through_3d(factor, k, u[0], u[1], u[2])
+
+
+@inlined
+def _see_back(factor: np.ndarray, k: int, u: np.ndarray) -> None:
+    """Put Lᵀ u in the place of u; see ``simplex.back_through``."""
+    if len(u) == 2:
+        u[0], u[1] = factor[k, 0] * u[0], factor[k, 1] * u[0] + factor[k, 2] * u[1]
+        return
+    a, b, c = u[0], u[1], u[2]
+    u[0] = factor[k, 0] * a
+    u[1] = factor[k, 1] * a + factor[k, 3] * b
+    u[2] = factor[k, 2] * a + factor[k, 4] * b + factor[k, 5] * c
+
+
+@inlined
 def _take(points: np.ndarray, moving: np.ndarray, values: np.ndarray) -> None:
     """Fill ``values`` with the coordinates of some vertices, end to end."""
     d = points.shape[1]
@@ -165,6 +188,16 @@ def _badnesses(points: np.ndarray, patch: Patch, bad: np.ndarray) -> float:
     """Fill ``bad`` with the badness of each corner, infinite where it is not positive; the largest."""
     vertices, shapes, norm = patch.vertices, patch.shapes, patch.norm
     largest = 0.0
+    if len(patch.factor):
+        for c in range(len(vertices)):
+            if points.shape[1] == 2:
+                v = determinant_2d(points, vertices[c])
+            else:
+                v = determinant_3d(points, vertices[c])
+            s = metric_norm(points, vertices[c], norm, patch.factor, shapes[c])
+            bad[c] = badness(v, s, points.shape[1])
+            largest = max(largest, bad[c])
+        return largest
     if points.shape[1] == 2:
         for c in range(len(vertices)):
             o, p, q, k = vertices[c, 0], vertices[c, 1], vertices[c, 2], shapes[c]
@@ -228,6 +261,7 @@ def _gradient(
     e = np.empty((d, d))
     along = np.empty((d, d))
     normal = np.empty((d, d))
+    metric = len(patch.factor) > 0
     for c in range(len(vertices)):
         weight = power[c] / total
         if weight < NEGLIGIBLE:
@@ -240,26 +274,36 @@ def _gradient(
         if d == 2:
             normal[0, 0], normal[0, 1] = e[1, 1], -e[1, 0]
             normal[1, 0], normal[1, 1] = -e[0, 1], e[0, 0]
-            for i in range(2):
-                along[0, i] = 2.0 * norm[k, 0] * e[0, i] + norm[k, 2] * e[1, i]
-                along[1, i] = 2.0 * norm[k, 1] * e[1, i] + norm[k, 2] * e[0, i]
         else:
             for j in range(3):
                 a, b = (j + 1) % 3, (j + 2) % 3
                 normal[j, 0] = e[a, 1] * e[b, 2] - e[a, 2] * e[b, 1]
                 normal[j, 1] = e[a, 2] * e[b, 0] - e[a, 0] * e[b, 2]
                 normal[j, 2] = e[a, 0] * e[b, 1] - e[a, 1] * e[b, 0]
+        v = e[0, 0] * normal[0, 0]
+        for i in range(1, d):
+            v = v + e[0, i] * normal[0, i]
+        if metric:
+            for j in range(d):
+                _see_through(patch.factor, k, e[j])
+        if d == 2:
+            for i in range(2):
+                along[0, i] = 2.0 * norm[k, 0] * e[0, i] + norm[k, 2] * e[1, i]
+                along[1, i] = 2.0 * norm[k, 1] * e[1, i] + norm[k, 2] * e[0, i]
+        else:
             for i in range(3):
                 along[0, i] = 2.0 * norm[k, 0] * e[0, i] + norm[k, 3] * e[1, i] + norm[k, 4] * e[2, i]
                 along[1, i] = 2.0 * norm[k, 1] * e[1, i] + norm[k, 3] * e[0, i] + norm[k, 5] * e[2, i]
                 along[2, i] = 2.0 * norm[k, 2] * e[2, i] + norm[k, 4] * e[0, i] + norm[k, 5] * e[1, i]
-        v, s = e[0, 0] * normal[0, 0], e[0, 0] * along[0, 0]
+        s = e[0, 0] * along[0, 0]
         for i in range(1, d):
-            v = v + e[0, i] * normal[0, i]
             s = s + e[0, i] * along[0, i]
         for j in range(1, d):
             for i in range(d):
                 s = s + e[j, i] * along[j, i]
+        if metric:
+            for j in range(d):
+                _see_back(patch.factor, k, along[j])
         to_s, to_v = 2.0 * weight / s, weight / v
         if d == 3:
             to_s, to_v = 3.0 * to_s, 2.0 * to_v

@@ -16,7 +16,7 @@ import numpy as np
 
 from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.mesh.corners import Corners
-from dvr_cli.mesh.simplex import cross, dot, subtract
+from dvr_cli.mesh.simplex import back_through, cross, dot, subtract, through
 
 _CHUNK = 1 << 13  # corners evaluated at a time: what they take stays in the cache
 
@@ -36,7 +36,9 @@ class Energy:
         touched = np.flatnonzero(marked[corners.vertices].any(axis=1))
         vertices, self._corner = np.unique(corners.vertices[touched], return_inverse=True)
         self._corner = np.ascontiguousarray(self._corner.reshape(-1, d + 1).T)
-        self._norm = np.ascontiguousarray(corners.table.norm[corners.shapes[touched, 0]].T)
+        table, rows = corners.table, corners.shapes[touched, 0]
+        self._norm = np.ascontiguousarray(table.norm[rows].T)
+        self._factor = np.ascontiguousarray(table.factor[rows].T) if len(table.factor) else None
         self._start = np.ascontiguousarray(points[vertices].T)
         self._here = np.searchsorted(vertices, self._moving)
         size, self._unit = self._sizes()
@@ -66,11 +68,9 @@ class Energy:
             unit = self._unit[chunk]
             edges = _edges(x, self._corner[:, chunk])
             normals = _normals(edges)
-            weighted = _weighted(edges, self._norm[:, chunk])
-            s = dot(edges[0], weighted[0])
-            for j in range(1, d):
-                s = s + dot(edges[j], weighted[j])
             v = dot(edges[0], normals[0]) / unit
+            factor = None if self._factor is None else self._factor[:, chunk]
+            s, weighted = _norm_and_slopes(edges, self._norm[:, chunk], factor)
             root = np.sqrt(epsilon * epsilon + v * v)
             # (v + root) / 2 without the cancellation of negative v
             chi = np.where(v > 0, v + root, epsilon * epsilon / (root + np.abs(v))) / 2
@@ -101,8 +101,7 @@ class Energy:
     def _sizes(self) -> tuple[np.ndarray, np.ndarray]:
         """The size of the elements around each vertex (n,), and the unit of volume of each corner (C,)."""
         edges = _edges(self._start, self._corner)
-        weighted = _weighted(edges, self._norm)
-        length = np.sqrt(sum(dot(e, w) for e, w in zip(edges, weighted, strict=True)))
+        length = np.sqrt(_norm_and_slopes(edges, self._norm, self._factor)[0])
         count = np.bincount(self._corner.ravel())
         size = np.bincount(self._corner.ravel(), np.tile(length, self.dimension + 1)) / count
         size = np.maximum(size, 1e-6 * size.max() or 1.0)  # all elements around a vertex may be points
@@ -123,8 +122,23 @@ def _normals(edges: list[list[np.ndarray]]) -> list[list[np.ndarray]]:
     return [cross(b, c), cross(c, a), cross(a, b)]
 
 
+def _norm_and_slopes(
+    edges: list[list[np.ndarray]], norm: np.ndarray, factor: np.ndarray | None
+) -> tuple[np.ndarray, list[list[np.ndarray]]]:
+    """s of each corner, and half its derivatives by each edge; norm, factor: as in ``ShapeTable``."""
+    if factor is not None:
+        edges = [through(factor, edge) for edge in edges]
+    weighted = _weighted(edges, norm)
+    s = dot(edges[0], weighted[0])
+    for j in range(1, len(edges)):
+        s = s + dot(edges[j], weighted[j])
+    if factor is not None:
+        weighted = [back_through(factor, row) for row in weighted]
+    return s, weighted
+
+
 def _weighted(edges: list[list[np.ndarray]], norm: np.ndarray) -> list[list[np.ndarray]]:
-    """Σ_k M_jk e_k for each edge j: half the derivatives of s; ``norm`` as in ``ShapeTable``."""
+    """Σ_k M_jk e_k for each edge j; ``norm`` as in ``ShapeTable``."""
     d = len(edges)
     result = [[norm[j] * component for component in edge] for j, edge in enumerate(edges)]
     pair = d

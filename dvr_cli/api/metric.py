@@ -1,0 +1,52 @@
+"""The metric that the option ``metric`` names: a point field of the mesh, a MEDIT solution, or an array."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dvr_cli.errors import InputError, UsageError
+from dvr_cli.files.medit.solution import SUFFIXES, read_tensors
+from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.quality.metric import tensors_of
+
+
+@dataclass(frozen=True)
+class MetricSource:
+    """Where the tensors of a metric come from.
+
+    name: how messages call it, and the point field it is. tensors: (N, k, k) where they are known before the
+    mesh is, or (N, c) as they were given; None for a field.
+    """
+
+    name: str
+    values: np.ndarray | None
+
+    @classmethod
+    def of(cls, metric: str | Path | np.ndarray) -> MetricSource:
+        """That of a value of the option; a file is read. Raises InputError for one that cannot be."""
+        if isinstance(metric, np.ndarray):
+            return cls("array", metric)
+        if Path(metric).suffix.lower() not in SUFFIXES:
+            return cls(str(metric), None)
+        try:
+            return cls(str(metric), read_tensors(Path(metric)))
+        except InputError as error:
+            raise InputError(f"metric {metric}: {error}") from error
+
+    def tensors(self, mesh: Mesh) -> np.ndarray:
+        """(N, k, k) the tensor at each vertex of a mesh.
+
+        Raises UsageError for a field that the mesh does not have, InputError for values that are no tensors.
+        """
+        values = mesh.point_data.get(self.name) if self.values is None else self.values
+        if values is None:
+            known = ", ".join(sorted(mesh.point_data)) or "none"
+            suffixes = " or ".join(SUFFIXES)
+            raise UsageError(f"metric: no point field {self.name!r} (there are: {known}), nor a {suffixes} file")
+        try:
+            return tensors_of(values, len(mesh.points))
+        except InputError as error:
+            raise InputError(f"metric {self.name}: {error}") from error
