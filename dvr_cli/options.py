@@ -409,6 +409,27 @@ TABLE = (
         panel="Target shapes",
     ),
     Option(
+        "metric",
+        TEXT,
+        None,
+        "Measure shapes in a metric, a symmetric tensor a vertex: a point field of IN, or a MEDIT .sol or "
+        ".solb file. All cells then have the ideal shape in it as target, and none is kept.",
+        ("smooth", "untangle", *REPORTS),
+        "FIELD|FILE",
+        variants={
+            "quality": Variant(
+                help="Measure shapes in a metric, a symmetric tensor a vertex: a point field of MESH, or a "
+                "MEDIT .sol or .solb file."
+            ),
+            "compare": Variant(
+                help="Measure shapes in a metric, a symmetric tensor a vertex: a point field of BEFORE, or a "
+                "MEDIT .sol or .solb file."
+            ),
+        },
+        recorded=True,
+        panel="Target shapes",
+    ),
+    Option(
         "straighten",
         SWITCH,
         False,

@@ -8,6 +8,9 @@ from dvr_cli.mesh.mesh import Cells, Mesh
 
 KINDS = ("triangle", "quad", "tetra", "hexahedron", "wedge", "pyramid", "mixed2d", "mixed3d")
 
+# An upper triangular map: L of its metric is its inverse, up to size.
+STRETCH = np.array([[5.0, 1.5, -0.5], [0.0, 1.0, 0.25], [0.0, 0.0, 0.25]])
+
 # A hexahedron cut into others, as local vertices; 8 is its centre.
 WEDGES = ((0, 3, 7, 1, 2, 6), (0, 7, 4, 1, 6, 5))
 PYRAMIDS = (
@@ -75,6 +78,20 @@ def random_freedom(domain, seed: int) -> Freedom:
     axis /= np.linalg.norm(axis, axis=1)[:, None]
     axis[(dimension == 0) | (dimension == d)] = 0.0
     return Freedom(dimension, axis)
+
+
+def random_tensors(n: int, dimension: int, seed: int) -> np.ndarray:
+    """(n, d, d) positive definite tensors that have nothing to do with each other."""
+    root = np.random.default_rng(seed).normal(size=(n, dimension, dimension))
+    return root @ root.transpose(0, 2, 1) + 0.1 * np.eye(dimension)
+
+
+def stretched(mesh: Mesh) -> tuple[Mesh, np.ndarray, np.ndarray]:
+    """The mesh in a stretched and sheared space, the map, and the metric that undoes it."""
+    d = mesh.points.shape[1]
+    by = STRETCH[:d, :d]
+    back = np.linalg.inv(by)
+    return Mesh(mesh.points @ by.T, mesh.cells), by, np.tile(back.T @ back, (len(mesh.points), 1, 1))
 
 
 def outside(freedom: Freedom, shift: np.ndarray) -> np.ndarray:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dvr_cli.api.adapters.registry import CellArrays, as_mesh, with_points
 from dvr_cli.api.boundary import usual_moves
+from dvr_cli.api.metric import MetricSource
 from dvr_cli.api.options import Names, SmoothOptions, check_known
 from dvr_cli.api.shapes import shaped
 from dvr_cli.api.smoothing import smooth_mesh
-from dvr_cli.errors import UsageError
+from dvr_cli.errors import InputError, UsageError
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.region_choice import RegionChoice
@@ -59,8 +61,8 @@ def untangle(
 
     mesh, cells, and what is returned and raised: as for ``smooth``, whose ``untangle`` does the same before
     relaxing. Only vertices near inverted elements move; the result never has more inverted elements than the
-    input, and a mesh without any comes back as it is. options: boundary, fix, regions,
-    shape, straighten, time_limit.
+    input, and a mesh without any comes back as it is. options: boundary, fix, metric, regions, shape,
+    straighten, time_limit.
 
     >>> import numpy as np, dvr_cli
     >>> points = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [1.5, 0.9]])
@@ -69,7 +71,7 @@ def untangle(
     >>> report.before.inverted, report.after.inverted
     (1, 0)
     """
-    check_names(options, ("boundary", "fix", "regions", "shape", "straighten", "time_limit"))
+    check_names(options, ("boundary", "fix", "metric", "regions", "shape", "straighten", "time_limit"))
     given = {"shape": default("shape", "untangle"), **options}
     return _smooth(mesh, cells, SmoothOptions.of(given, untangle=True, max_iterations=0))
 
@@ -90,54 +92,73 @@ def quality_report(
     *,
     worst: int = 10,
     regions: Names | np.ndarray = (),
+    metric: str | Path | np.ndarray | None = None,
 ) -> QualityReport:
     """The quality of a mesh, as ``dvr report quality`` gives it.
 
     mesh, cells: as for ``smooth``. worst: how many of the worst elements to list.
-    regions: as for ``smooth``.
+    regions, metric: as for ``smooth``.
     Raises InputError for meshes without elements whose quality is defined.
     """
-    return mesh_quality(as_mesh(mesh, cells), worst, SmoothOptions(regions=regions).region_choice)
+    options = SmoothOptions(regions=regions, metric=metric)
+    return mesh_quality(as_mesh(mesh, cells), worst, options.region_choice, options.metric_source)
 
 
-def compare(before: Any, *after: Any) -> Comparison:
+def compare(before: Any, *after: Any, metric: str | Path | np.ndarray | None = None) -> Comparison:
     """Rank meshes of one connectivity in the paper's ordering of quality vectors (eq. 2).
 
+    metric: as for ``smooth``, of the first.
     Raises UsageError for one mesh alone, InputError when their cells differ.
     """
     if not after:
         raise UsageError("compare: two or more meshes are needed")
-    return compare_meshes([as_mesh(mesh, None) for mesh in (before, *after)])
+    meshes = [as_mesh(mesh, None) for mesh in (before, *after)]
+    return compare_meshes(meshes, SmoothOptions(metric=metric).metric_source)
 
 
-def mesh_quality(mesh: Mesh, worst: int = 10, regions: RegionChoice = ()) -> QualityReport:
+def mesh_quality(
+    mesh: Mesh, worst: int = 10, regions: RegionChoice = (), metric: MetricSource | None = None
+) -> QualityReport:
     """The quality report of a Mesh; relaxed are the vertices that ``smooth`` moves by default."""
     domain = domain_of(mesh, regions=regions)
-    shapes = shaped(domain, "auto")
+    if metric is not None:
+        shapes = shaped(domain, "ideal", metric.tensors(mesh))
+        domain = shapes.domain
+    else:
+        shapes = shaped(domain, "auto")
     moves = usual_moves(mesh, domain, shapes.held)
     quality = measure(domain, mesh.points, moves.relaxed, worst)
-    stretched = ShapeUse("auto", shapes.kept, shapes.max_aspect) if shapes.kept else None
+    mode = "auto" if metric is None else "metric"
+    stretched = ShapeUse(mode, shapes.kept, shapes.max_aspect) if shapes.kept or metric else None
     summary = summarise(mesh, domain, moves.constraints)
     return QualityReport(summary, len(moves.relaxed), quality, stretched)
 
 
-def compare_meshes(meshes: Sequence[Mesh]) -> Comparison:
+def compare_meshes(meshes: Sequence[Mesh], metric: MetricSource | None = None) -> Comparison:
     """The comparison of two or more meshes of one connectivity; InputError when their cells differ.
 
     Cells that are stretched coherently in the first are measured against their shape there in all.
+    metric: that of the first, in which all are measured then; InputError where their cells differ.
     """
-    return compare_domains(meshes, [domain_of(mesh) for mesh in meshes])
+    return compare_domains(meshes, [domain_of(mesh) for mesh in meshes], metric)
 
 
-def compare_domains(meshes: Sequence[Mesh], domains: Sequence[Domain]) -> Comparison:
+def compare_domains(
+    meshes: Sequence[Mesh], domains: Sequence[Domain], metric: MetricSource | None = None
+) -> Comparison:
     """As ``compare_meshes``, of meshes and their domains; relaxed are in all the vertices of the first."""
     same = same_connectivity(meshes)
-    shapes = [shaped(domain, "auto") for domain in domains]
+    if metric is not None and not same:
+        raise InputError("the cells differ: a metric of the first mesh says nothing about the others")
+    if metric is None:
+        shapes = [shaped(domain, "auto") for domain in domains]
+    else:
+        shapes = [shaped(domains[0], "ideal", metric.tensors(meshes[0]))] * len(meshes)
     moves = [
         usual_moves(mesh, domain, own.held) for mesh, domain, own in zip(meshes, domains, shapes, strict=True)
     ]
     relaxed = [(moves[0] if same else own).relaxed for own in moves]
-    if same and shapes[0].kept:
+    if same and (shapes[0].kept or metric):
         corners = shapes[0].corners_free_to_move()
         domains = [replace(domain, corners=corners) for domain in domains]
     reports = [

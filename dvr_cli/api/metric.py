@@ -45,7 +45,9 @@ class MetricSource:
         if values is None:
             known = ", ".join(sorted(mesh.point_data)) or "none"
             suffixes = " or ".join(SUFFIXES)
-            raise UsageError(f"metric: no point field {self.name!r} (there are: {known}), nor a {suffixes} file")
+            raise UsageError(
+                f"metric: no point field {self.name!r} (there are: {known}), nor a {suffixes} file"
+            )
         try:
             return tensors_of(values, len(mesh.points))
         except InputError as error:

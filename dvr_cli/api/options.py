@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from dvr_cli.api.metric import MetricSource
 from dvr_cli.api.selection import Selection
 from dvr_cli.errors import UsageError
 from dvr_cli.files.arrays import read_directions, read_vertices, whole_numbers
+from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.region_choice import RegionChoice
 from dvr_cli.options import OPTIONS, check_fields, check_names, default
 from dvr_cli.relax.directions import Entry, check_name
@@ -61,6 +63,8 @@ class SmoothOptions:
     regions: what tells regions apart, whose interfaces stay: names of cell data and groups, by default all
         that look like it; "none"; or an array of a number for each cell.
     shape: "auto", "ideal" or "input": what cells are measured against, see ``shapes.shaped``.
+    metric: a tensor a vertex, in which all cells have the ideal shape for their target: the name of a point
+        field, the path of a MEDIT .sol or .solb file, or an array; see ``metric.tensors_of``.
     straighten: take curved second-order cells as straight. stopping: when to stop.
     untangle: make inverted elements positive first; by default with the default directions where the input
         has any and is no surface, see ``untangling.untangles``.
@@ -87,6 +91,7 @@ class SmoothOptions:
     vertices: Vertices | None = None
     regions: Names | np.ndarray = ()
     shape: str = default("shape")
+    metric: str | Path | np.ndarray | None = None
     straighten: bool = default("straighten")
     untangle: bool | None = None
     patches: bool | None = None
@@ -121,6 +126,18 @@ class SmoothOptions:
             if isinstance(entry, str):
                 check_name(entry)
         _ = self.selection  # which checks itself
+        if self.metric is not None:
+            self._check_metric()
+
+    def _check_metric(self) -> None:
+        """Raise UsageError for what a metric excludes, InputError for a file that cannot be read."""
+        if self.shape == "input":
+            raise UsageError(
+                "metric: leave out shape input; in a metric cells have the ideal shape as target"
+            )
+        if self.boundary == "project":
+            raise UsageError("metric: boundaries can stay fixed or slide, but not be projected in a metric")
+        _ = self.metric_source
 
     def _take_preset(self, name: str) -> None:
         """Set what the preset fixes; UsageError where something else was asked for."""
@@ -175,6 +192,20 @@ class SmoothOptions:
         """The regions as ``domain_of`` takes them."""
         return self.regions if isinstance(self.regions, np.ndarray) else _names(self.regions)
 
+    @cached_property
+    def metric_source(self) -> MetricSource | None:
+        """Where the metric comes from, None without one; a file is read, once."""
+        return None if self.metric is None else MetricSource.of(self.metric)
+
+    @property
+    def shape_mode(self) -> str:
+        """What cells are measured against: the option shape, or "metric"."""
+        return self.shape if self.metric is None else "metric"
+
+    def tensors(self, mesh: Mesh) -> np.ndarray | None:
+        """(N, k, k) the metric's tensor at each vertex of a mesh, None without one."""
+        return None if self.metric_source is None else self.metric_source.tensors(mesh)
+
     def _vertices(self) -> np.ndarray | None:
         if isinstance(self.vertices, str | Path):
             return read_vertices(Path(self.vertices))
@@ -189,6 +220,7 @@ class SmoothOptions:
         special = {
             "directions": ",".join(d if isinstance(d, str) else f"array{d.shape}" for d in self._given()),
             "vertices": _described(self.vertices),
+            "metric": _described(self.metric),
             "regions": _described(regions) if isinstance(regions, np.ndarray) else list(regions),
             "patches": self.takes_patches,
             "polish": self.takes_polish,
@@ -216,7 +248,8 @@ def _names(given: Names) -> tuple[str, ...]:
     return (given,) if isinstance(given, str) else tuple(given)
 
 
-def _described(vertices: Vertices | None) -> str | None:
-    if vertices is None or isinstance(vertices, str | Path):
-        return None if vertices is None else str(vertices)
-    return f"array{np.shape(vertices)}"
+def _described(value: Vertices | None) -> str | None:
+    """A value that may be the name of a file, or an array, for a report."""
+    if value is None or isinstance(value, str | Path):
+        return None if value is None else str(value)
+    return f"array{np.shape(value)}"

@@ -1,4 +1,4 @@
-"""Which targets the corners of a domain are measured against, as ``--shape`` says (docs/design.md)."""
+"""Which targets the corners of a domain are measured against, as ``--shape`` and ``--metric`` say."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.quality.mean_ratio import corner_qualities
+from dvr_cli.quality.metric import Metric, metric_on
 from dvr_cli.quality.stretching import coherent
 from dvr_cli.quality.targets import FORMED, Targets, with_targets
 
@@ -20,12 +21,14 @@ class Shaped:
     domain: the domain with these targets; plain: the same with ideal ones.
     held: (N,) bool, the vertices with kept cells only, which are not relaxed.
     targets: how near they are to the cells' own shapes, None where all are ideal.
+    metric: the metric that the ideal shapes are seen in, None for the usual one.
     """
 
     domain: Domain
     plain: Domain
     held: np.ndarray
     targets: Targets | None = None
+    metric: Metric | None = None
 
     @property
     def kept(self) -> int:
@@ -34,24 +37,31 @@ class Shaped:
 
     @property
     def max_aspect(self) -> float:
-        """The largest aspect among the cells that are kept, 1 where none is."""
+        """The largest aspect among the cells that are kept, or that a metric asks for; 1 where none is."""
+        if self.metric is not None:
+            return self.metric.max_aspect
         return 1.0 if self.targets is None else self.targets.max_aspect
 
     def corners_free_to_move(self) -> Corners:
         """The corners with the same targets, formed also where no vertex is relaxed."""
         if self.targets is None:
-            return self.plain.corners
+            return self.domain.corners
         nowhere = np.zeros_like(self.held)
         return with_targets(self.plain.points, self.plain.corners, self.targets, nowhere)
 
 
-def shaped(domain: Domain, shape: str) -> Shaped:
+def shaped(domain: Domain, shape: str, tensors: np.ndarray | None = None) -> Shaped:
     """The domain with the targets that ``shape`` asks for: "ideal", "auto" or "input".
 
     "auto" keeps cells whose stretching is coherent, and holds the vertices inside them; "input" makes the own
     shape of every cell that is positive its target, and holds none.
+    tensors: (N, k, k) of a metric, in which all cells then have the ideal shape for their target, whatever
+    ``shape`` says; InputError where there can be no metric, see ``quality.metric``.
     """
     nowhere = np.zeros(len(domain.points), dtype=bool)
+    if tensors is not None:
+        metric = metric_on(domain, tensors)
+        return Shaped(replace(domain, corners=metric.corners), domain, nowhere, metric=metric)
     if shape == "ideal":
         return Shaped(domain, domain, nowhere)
     targets = coherent(domain) if shape == "auto" else _own_shapes(domain)

@@ -63,7 +63,8 @@ def smooth_mesh(
     """
     vertices, sweeps = len(mesh.points), options.stopping.max_iterations
     kind = choose_engine(options.engine, vertices, sweeps, options.takes_patches)
-    shapes = shaped(domain_of(mesh, options.straighten, kind.backend, options.region_choice), options.shape)
+    whole = domain_of(mesh, options.straighten, kind.backend, options.region_choice)
+    shapes = shaped(whole, options.shape, options.tensors(mesh))
     domain = shapes.domain
     masks = options.selection.masks(mesh, domain)
     selected = np.logical_and.reduce([mesh.unlinked, ~shapes.held, *masks.values()])
@@ -117,10 +118,10 @@ def smooth_mesh(
         mends = left["elements"] > left["hopeless"] and not untangling
         limited_by = _limit(mesh, domain, options, masks, selected, relaxed, points, after, mends)
     plain = None
-    if shapes.kept:
+    if shapes.kept or shapes.metric:
         plain = measure(shapes.plain, mesh.points, relaxed), measure(shapes.plain, points, relaxed)
     report = SmoothReport(
-        shape=ShapeUse(options.shape, shapes.kept, shapes.max_aspect),
+        shape=ShapeUse(options.shape_mode, shapes.kept, shapes.max_aspect),
         plain=plain,
         mesh=summarise(mesh, domain, moves.constraints),
         relaxed=len(relaxed),

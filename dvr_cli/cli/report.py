@@ -35,7 +35,7 @@ def quality(
     On a terminal it is laid out for reading; elsewhere each figure is a line of label, value and remark,
     separated by tabs.
     """
-    from dvr_cli.api import mesh_quality
+    from dvr_cli.api import SmoothOptions, mesh_quality
     from dvr_cli.files.reading import open_mesh
     from dvr_cli.report.export import as_csv, as_json
     from dvr_cli.report.table import quality_table
@@ -47,8 +47,9 @@ def quality(
     if plot is not None:
         check("--plot", plot, PICTURES, [path])
     mesh = open_mesh(path, given["input_format"], given["mesh"]).mesh
+    metric = SmoothOptions(metric=given["metric"]).metric_source
     with naming(path):
-        report = mesh_quality(mesh, given["worst"], given["regions"] or ())
+        report = mesh_quality(mesh, given["worst"], given["regions"] or (), metric)
     if plot is not None:
         text = quality_text(report, str(path), "█")
         write_picture(plot, mesh, {path.name: (mesh.points, report.quality)}, str(path), text)
@@ -78,7 +79,7 @@ def compare(
     component in which they differ. Elsewhere than on a terminal each mesh is a line of its rank and figures,
     separated by tabs, in the order given.
     """
-    from dvr_cli.api import compare_domains
+    from dvr_cli.api import SmoothOptions, compare_domains
     from dvr_cli.files.reading import open_mesh
     from dvr_cli.mesh.domain import domain_of
     from dvr_cli.report.export import as_json
@@ -94,8 +95,9 @@ def compare(
         with naming(path):
             domains.append(domain_of(mesh, regions=given["regions"] or ()))
     names = [str(path) for path in paths]
+    metric = SmoothOptions(metric=given["metric"]).metric_source
     with naming(", ".join(names)):
-        comparison = compare_domains(meshes, domains)
+        comparison = compare_domains(meshes, domains, metric)
     if plot is not None:
         states = {
             name: (mesh.points, report.quality)

@@ -33,7 +33,7 @@ def cross(a: Components, b: Components) -> list[np.ndarray]:
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
-def through(factor: Sequence[np.ndarray], vector: Components) -> list[np.ndarray]:
+def through(factor: Sequence[np.ndarray] | np.ndarray, vector: Components) -> list[np.ndarray]:
     """L u of a vector u, L being the upper triangular matrix whose entries, row after row, ``factor`` has."""
     if len(vector) == 2:
         a, b = vector
@@ -46,7 +46,7 @@ def through(factor: Sequence[np.ndarray], vector: Components) -> list[np.ndarray
     ]
 
 
-def back_through(factor: Sequence[np.ndarray], vector: Components) -> list[np.ndarray]:
+def back_through(factor: Sequence[np.ndarray] | np.ndarray, vector: Components) -> list[np.ndarray]:
     """Lᵀ u; see ``through``."""
     if len(vector) == 2:
         a, b = vector

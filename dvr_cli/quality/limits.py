@@ -70,7 +70,7 @@ def limit_of(
     moves = np.isin(vertices, relaxed)
     count = len(vertices)
 
-    if moves.any() and element.quality > 0:
+    if moves.any() and element.quality > 0 and not len(domain.corners.table.factor):
         among = np.unique([v for worst in quality.worst for v in _vertices(domain, worst)])
         fan = min(fans(flat, domain.around(among).cells, among), key=lambda fan: fan.best, default=None)
         if fan is not None and fan.best < SEVERE and element.quality >= REACHED * fan.best:

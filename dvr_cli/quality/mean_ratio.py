@@ -86,7 +86,7 @@ def metric_norms(
     factor: np.ndarray,
     s: np.ndarray,
 ) -> None:
-    """Fill ``s`` (C,) with those of the corners ``vertices`` (C, d+1), their edges seen through ``factor``."""
+    """Fill ``s`` (C,) with those of the corners ``vertices`` (C, d+1), edges seen through ``factor``."""
     for chunk in chunks(len(vertices)):
         edges, _ = edges_and_determinant(points, vertices[chunk])
         rows = shapes[chunk, 0]

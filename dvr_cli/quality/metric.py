@@ -4,8 +4,8 @@ With G the mean tensor of a cell, fixed during a run, the norm of a corner's edg
 
     s = Σ_jk M_jk e_jᵀ G e_k = Σ_jk M_jk (L e_j)·(L e_k),    G = Lᵀ L
 
-so the ideal shape is the one that looks ideal through L. Only shape counts: G is taken with determinant 1, and
-the determinant v of the edges is what it is without a metric.
+so the ideal shape is the one that looks ideal through L. Only shape counts: G is taken with determinant 1,
+and the determinant v of the edges is what it is without a metric.
 """
 
 from __future__ import annotations
@@ -41,8 +41,10 @@ class Metric:
 def tensors_of(values: np.ndarray, n_points: int) -> np.ndarray:
     """(N, 2, 2) or (N, 3, 3) tensors, symmetric, from what a field has for each vertex.
 
-    values: (N, c): c = 3 or 6 components in VTK's order, XX, YY, XY or XX, YY, ZZ, XY, YZ, XZ, or all c = 4 or
-    9 entries; (N, k, k), too. Raises InputError for anything else, and for tensors that are not symmetric.
+    values: (N, c): c = 3 or 6 components in VTK's order, XX, YY, XY or XX, YY, ZZ, XY, YZ, XZ, or all
+        c = 4 or 9 entries; (N, k, k), too.
+
+    Raises InputError for anything else, and for tensors that are not symmetric.
     """
     values = np.asarray(values)
     if values.dtype.kind not in "fiu":

@@ -16,8 +16,9 @@ from dvr_cli.quality.badness_numba import badness
 # Rows of the scratch array, a column for each corner of a ring: the coordinates of the corner's other
 # vertices (three rows each, also in 2D), the normal of the facet they span, the corner's line, its badness;
 # then the row of the shape table that stands in the column, and its numbers; last some gradients, gathered in
-# the first columns, their products with a vector and their weights, and v^(-2/d); L of the shape table's row,
-# where it has one. Loops over such rows without branches are what the compiler turns into vector instructions.
+# the first columns, their products with a vector and their weights, and v^(-2/d); L of the shape table's
+# row, where it has one. Loops over such rows without branches are what the compiler turns into vector
+# instructions.
 END, NORMAL, V0, V1, S0, S1, S2, BADNESS = 0, 9, 12, 13, 14, 15, 16, 17
 SHAPE, NORM, SLOPE, CURVATURE = 18, 19, 25, 28
 GRADIENT, ALONG, WEIGHT, POWER = 29, 32, 33, 34

@@ -64,9 +64,9 @@ def steepest(
 ) -> list[np.ndarray]:
     """Unit vectors along which the minimum quality of n rings grows fastest: d components (n,).
 
-    x, ends, norm, slope, factor: as for ``line.coefficients``. within: what the vertices are free to follow, see
-    ``freedom.project``. band: see Ascent. Zero where no direction makes all nearly worst corners better.
-    Corners that are not positive are the worst; the direction makes their determinants grow.
+    x, ends, norm, slope, factor: as for ``line.coefficients``. within: what the vertices are free to
+    follow, see ``freedom.project``. band: see Ascent. Zero where no direction makes all nearly worst corners
+    better. Corners that are not positive are the worst; the direction makes their determinants grow.
     """
     d = len(x)
     edges = [subtract(end, x) for end in ends]

@@ -75,8 +75,9 @@ class BoundaryChange:
 class ShapeUse:
     """What cells were measured against.
 
-    mode: "auto", "ideal" or "input". kept: how many cells against their own shape in the input, so that the
-    qualities in the report are relative to that. max_aspect: the largest aspect among those kept.
+    mode: "auto", "ideal", "input" or "metric". kept: how many cells against their own shape in the input, so
+    that the qualities in the report are relative to that. max_aspect: the largest aspect among those kept, or
+    that the metric asks for.
     """
 
     mode: str
@@ -86,7 +87,10 @@ class ShapeUse:
 
 @dataclass(frozen=True)
 class QualityReport:
-    """The report of ``dvr report quality``; stretched: the cells that ``--shape auto`` would keep, if any."""
+    """The report of ``dvr report quality``.
+
+    stretched: the cells that ``--shape auto`` would keep, or the metric; None if there is neither.
+    """
 
     mesh: MeshSummary
     relaxed: int
@@ -126,8 +130,8 @@ class SmoothReport:
     left: the elements that are inverted or degenerate in the end, by reason: as for untangling.
     boundary: what became of a boundary or surface that was projected, else None.
     seconds: time of the relaxation, reading and writing aside.
-    shape: what cells were measured against. plain: where some were kept, the qualities before and after
-        with ideal targets for all.
+    shape: what cells were measured against. plain: where some were kept, or in a metric, the qualities
+        before and after with ideal targets for all.
     """
 
     mesh: MeshSummary

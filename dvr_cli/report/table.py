@@ -8,7 +8,7 @@ from dvr_cli.report.advice import advice
 from dvr_cli.report.compare import Comparison
 from dvr_cli.report.records import QualityReport
 from dvr_cli.report.rows import Value, histogram_rows, mesh_rows, place, quality_rows, remarks
-from dvr_cli.report.text import notes
+from dvr_cli.report.text import notes, shape_notes
 
 
 def quality_table(report: QualityReport, path: str) -> str:
@@ -25,7 +25,8 @@ def quality_table(report: QualityReport, path: str) -> str:
     rows += [
         (f"worst {i}", repr(w.quality), place(w, 6)) for i, w in enumerate(report.quality.worst, start=1)
     ]
-    rows += [("advice", advice(report)), *(("note", note) for note in notes(report.mesh, report.quality))]
+    said = [*notes(report.mesh, report.quality), *shape_notes(report)]
+    rows += [("advice", advice(report)), *(("note", note) for note in said)]
     return _lines(rows)
 
 

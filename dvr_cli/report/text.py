@@ -42,9 +42,16 @@ def quality_text(report: QualityReport, path: str, bar: str = "#", width: int = 
         for element in quality.worst:
             lines += _with_remark(f"  {_digits(element.quality):>{_VALUE}}", place(element, 6), width)
     lines += ["", f"advice: {advice(report)}", *_note_lines(mesh, quality)]
-    if report.stretched is not None:
-        lines.append(f"note: {_stretched(report.stretched)}, which dvr smooth keeps")
+    lines += [f"note: {note}" for note in shape_notes(report)]
     return "\n".join([f"{path} ({_kind(mesh)})", *wrap(lines, width)])
+
+
+def shape_notes(report: QualityReport) -> list[str]:
+    """What is to be said of a metric, or of cells that are stretched on purpose."""
+    use = report.stretched
+    if use is None:
+        return []
+    return [_in_metric(use) if use.mode == "metric" else f"{_stretched(use)}, which dvr smooth keeps"]
 
 
 def smooth_text(report: SmoothReport, source: str, output: str, width: int | None = None) -> str:
@@ -143,16 +150,27 @@ def _side_by_side(before: Quality, after: Quality, dimension: int) -> list[str]:
 
 
 def _kept(report: SmoothReport) -> list[str]:
-    """The cells that were measured against their own shape, and the plain qualities."""
+    """What cells were measured against, if not the ideal shapes, and the plain qualities."""
     if report.plain is None:
         return []
     before, after = report.plain
+    if report.shape.mode == "metric":
+        why = f"{_in_metric(report.shape)}; plain ones are not"
+    else:
+        why = (
+            f"kept: {_stretched(report.shape)}; qualities above are relative to their own shape "
+            "(--shape ideal would change them)"
+        )
     return [
         _row("plain worst", before.minimum, after.minimum),
         _row("plain mean", before.mean, after.mean),
-        f"kept: {_stretched(report.shape)}; qualities above are relative to their own shape "
-        "(--shape ideal would change them)",
+        why,
     ]
+
+
+def _in_metric(use: ShapeUse) -> str:
+    """That qualities are those in a metric, and how far it stretches shapes."""
+    return f"qualities are those in the metric, which asks for aspects of up to {use.max_aspect:.3g} : 1"
 
 
 def _stretched(use: ShapeUse) -> str:

@@ -105,6 +105,9 @@ def test_wrong_arguments(dvr, tmp_path, arguments, named):
         (["--report", "r"], "r"),
         (["--report", "r.json", "--no-report"], "--no-report"),
         (["--plot", "p.gif"], "p.gif"),
+        (["--metric", "stress"], "no point field 'stress' (there are: none), nor a .sol or .solb file"),
+        (["--metric", "m.sol", "--shape", "input"], "shape input"),
+        (["--metric", "m.sol", "--boundary", "project"], "not be projected"),
         (["--quality-field"], "out.msh"),
         (["-q", "-v"], "--verbose"),
         (["--input-format", "cuneiform"], "cuneiform"),
@@ -257,6 +260,7 @@ SMOOTH = {
     "--threads": ["2"],
     "--regions": ["none"],
     "--shape": ["ideal"],
+    "--metric": ["{folder}/m.sol"],
     "--straighten": [],
     "--polish": [],
     "--floor": ["0.9"],
@@ -317,6 +321,7 @@ UNTANGLE = {
     "--no-report": [],
     "--regions": ["none"],
     "--shape": ["input"],
+    "--metric": ["{folder}/m.sol"],
     "--straighten": [],
     "--input-format": ["gmsh"],
     "--output-format": ["vtk"],
@@ -326,6 +331,7 @@ UNTANGLE = {
 }
 QUALITY = {
     "--regions": ["none"],
+    "--metric": ["{folder}/m.sol"],
     "--json": [],
     "--csv": [],
     "--plot": ["{folder}/p.png"],
@@ -338,6 +344,7 @@ COMPARE = {
     "--json": [],
     "--plot": ["{folder}/c.pdf"],
     "--regions": ["none"],
+    "--metric": ["{folder}/m.sol"],
     "--input-format": ["gmsh"],
     "--debug": [],
 }
@@ -359,6 +366,8 @@ def test_every_option_in_the_help_works(dvr, tmp_path, command, options):
     source = fan(tmp_path / "in.msh", cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags})
     (tmp_path / "v.txt").write_text("4\n")
     np.savetxt(tmp_path / "d.csv", np.zeros((5, 3)), delimiter=",")
+    metric = "MeshVersionFormatted 2 Dimension 2 SolAtVertices 5 1 3" + 5 * " 4 1 1" + " End"
+    (tmp_path / "m.sol").write_text(metric)
     paths = {
         "smooth": [source, tmp_path / "out.msh"],
         "untangle": [source, tmp_path / "out.msh"],

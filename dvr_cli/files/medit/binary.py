@@ -91,7 +91,7 @@ class BinaryFile:
         return rows["place"].astype(np.float64), rows["reference"].astype(np.int64)
 
     def solutions(self) -> tuple[int, list[int], np.ndarray]:
-        """The number of rows of the solutions at vertices, the kind of each solution, all numbers in a row."""
+        """Of the solutions at vertices the number of rows, the kind of each, all numbers end to end."""
         section = self._sections[SOLUTION]
         count, at = self._count(section), section.begin + self._integer.itemsize
         if section.end < at + 4 or not 0 <= (solutions := self._number(at, 4)) <= (section.end - at) // 4 - 1:
