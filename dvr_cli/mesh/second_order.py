@@ -162,10 +162,14 @@ def _place_on_edge(points: np.ndarray, node: np.ndarray, ends: np.ndarray) -> np
 
 
 def _offset(points: np.ndarray, node: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """(n,) distance of each node from its straight place, relative to the size of its edge, face or cell."""
+    """(n,) distance of each node from its straight place, relative to the size of its edge, face or cell.
+
+    On an edge that is the nearest one between its quarter points: beyond them the Jacobian is negative at an
+    end.
+    """
     around = points[ends]
     if ends.shape[1] == 2:
-        t = _place_on_edge(points, node, ends)[:, None]
+        t = _place_on_edge(points, node, ends)[:, None].clip(0.25, 0.75)
         place = (1.0 - t) * around[:, 0] + t * around[:, 1]
     else:
         place = around.mean(axis=1)

@@ -4,8 +4,9 @@ The determinant of the Jacobian of a cell is a polynomial. Written in Bernstein'
 than its smallest coefficient: a bound from below. Its smallest value at the nodes is a bound from above. A
 cell is inverted when the latter is not positive, and uncertain when only the former is not.
 
-The shape functions of a pyramid are no polynomials. It is judged at the corners of its base, where the
-edges that meet there give the Jacobian; no bound from below is known, so it is never certain.
+The shape functions of a pyramid are no polynomials of its coordinates u, v, w (base from -1 to 1, apex at
+w = 1), but of r = u / (1 - w), s = v / (1 - w) and w, and so are their derivatives along u, v and w. Its
+determinant is judged over the box of r, s, w. At the apex it depends on the direction: no node there counts.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from math import factorial, prod
 
 import numpy as np
 
-from dvr_cli.mesh.cell_types import CELL_TYPES, CellType
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.second_order import CurvedCells
 from dvr_cli.quality.mean_ratio import DEGENERATE, mean_ratio
@@ -48,6 +49,8 @@ _FACTORS = {
     "hexahedron27": ((1, 5), (1, 5), (1, 5)),
     "wedge15": ((2, 4), (1, 5)),
     "wedge18": ((2, 4), (1, 5)),
+    "pyramid13": ((1, 5), (1, 5), (1, 3)),
+    "pyramid14": ((1, 5), (1, 5), (1, 3)),
 }
 
 
@@ -72,12 +75,12 @@ class _Jacobian:
     at_nodes: (p, d, n) the derivatives of the shape functions at p places, in coordinates in which the
     Jacobian of the ideal cell is the identity there.
     on_lattice: (k, d, n) those in the reference cell at as many points as the determinant has coefficients,
-    and bernstein: (k, k) what makes these of its values there; or None.
+    and bernstein: (k, k) what makes these of its values there.
     """
 
     at_nodes: np.ndarray
-    on_lattice: np.ndarray | None
-    bernstein: np.ndarray | None
+    on_lattice: np.ndarray
+    bernstein: np.ndarray
 
 
 def curved_quality(domain: Domain, points: np.ndarray) -> CurvedQuality:
@@ -123,8 +126,6 @@ def _judged(flat: np.ndarray, cells: CurvedCells, part: slice) -> tuple[np.ndarr
     size = (entries * entries).sum(axis=(0, 1)) / dimension
     quality = mean_ratio(_determinant(entries) * sign, size, dimension).min(axis=0)
     inverted = quality <= DEGENERATE
-    if jacobian.on_lattice is None or jacobian.bernstein is None:
-        return quality, inverted, ~inverted
     coefficients = jacobian.bernstein @ (_determinant(_entries(jacobian.on_lattice, nodes)) * sign)
     low = coefficients.min(axis=0) <= _ROUNDING * np.abs(coefficients).max(axis=0)
     return quality, inverted, low & ~inverted
@@ -156,33 +157,64 @@ def _jacobian(name: str) -> _Jacobian:
     cell_type = CELL_TYPES[name]
     linear = cell_type.linear
     assert linear is not None  # curved cells are of second order
-    if name not in _FACTORS:
-        return _at_corners(cell_type, linear)
+    parts = [_bernstein(dimension, degree) for dimension, degree in _FACTORS[name]]
+    lattice = np.array([np.concatenate(rows) for rows in product(*(places for places, _ in parts))])
+    bernstein = np.linalg.inv(reduce(np.kron, [values for _, values in parts]))
+    if linear.name == "pyramid":
+        return _Jacobian(*_pyramid(name, lattice), bernstein)
     corners = np.array(_REFERENCE[linear.name], dtype=np.float64)
     nodes = np.concatenate([corners, [corners[list(around)].mean(axis=0) for around in cell_type.mids]])
     target = linear.targets[0]
     ideal = np.linalg.inv(target[1:] - target[0])
-    parts = [_bernstein(dimension, degree) for dimension, degree in _FACTORS[name]]
-    lattice = np.array([np.concatenate(rows) for rows in product(*(places for places, _ in parts))])
-    bernstein = reduce(np.kron, [values for _, values in parts])
     basis = _basis(name)
     shape = np.linalg.inv(_values(nodes, basis))
     return _Jacobian(
         at_nodes=ideal @ _derivatives(nodes, basis, shape),
         on_lattice=_derivatives(lattice, basis, shape),
-        bernstein=np.linalg.inv(bernstein),
+        bernstein=bernstein,
     )
 
 
-def _at_corners(cell_type: CellType, linear: CellType) -> _Jacobian:
-    """The Jacobian at the corners alone, from the edges there, each a parabola through its three nodes."""
-    at = np.zeros((len(linear.corners), linear.dimension, cell_type.nodes))
-    for place, (own, *ends) in enumerate(linear.corners):
-        for axis, end in enumerate(ends):
-            edge = next(i for i, around in enumerate(cell_type.mids) if set(around) == {own, end})
-            at[place, axis, [own, linear.nodes + edge, end]] = -3.0, 4.0, -1.0
-    ideal = np.stack([np.linalg.inv(target[1:] - target[0]) for target in linear.targets])
-    return _Jacobian(ideal @ at, None, None)
+def _pyramid(name: str, lattice: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The derivatives of a pyramid's shape functions at its nodes but for the apex, and on the lattice.
+
+    lattice: (k, 3) places in the unit cube, whose r and s are taken from -1 to 1.
+    """
+    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0, 0, 1)], dtype=np.float64)
+    nodes = np.concatenate(
+        [corners, [corners[list(around)].mean(axis=0) for around in CELL_TYPES[name].mids]]
+    )
+    below = nodes[:, 2] < 1.0
+    nodes[below, :2] /= 1.0 - nodes[below, 2:]
+    powers = [
+        (i, j, k)
+        for i, j, k in product(range(3), repeat=3)
+        if k <= 2 - max(i, j) and (name == "pyramid14" or (i, j) != (2, 2))
+    ]
+    shape = np.linalg.inv(np.stack([_in_pyramid(nodes, power)[0] for power in powers], axis=1))
+    at_nodes, on_lattice = (
+        np.stack([_in_pyramid(places, power)[1] for power in powers], axis=2) @ shape
+        for places in (nodes[below], lattice * [2.0, 2.0, 1.0] - [1.0, 1.0, 0.0])
+    )
+    ideal = np.diag([2.0, 2.0, np.sqrt(2.0)])  # all eight edges are of length 1
+    return ideal @ at_nodes, on_lattice
+
+
+def _in_pyramid(places: np.ndarray, power: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """The values ((p,)) of r^i s^j (1 - w)^m w^k, m = max(i, j), and its derivatives along u, v, w ((p, 3)).
+
+    places: (p, 3) of r, s, w. power: (i, j, k).
+    """
+    i, j, k = power
+    m = max(i, j)
+    r, s, w = places.T
+    low = 1.0 - w
+    across, up = r**i * s**j, w**k
+    less = low ** max(m - 1, 0)  # stands beside factors that are 0 where m is
+    along_u = i * r ** max(i - 1, 0) * s**j * less * up
+    along_v = j * r**i * s ** max(j - 1, 0) * less * up
+    along_w = across * ((i + j - m) * less * up + k * low**m * w ** max(k - 1, 0))
+    return across * low**m * up, np.stack([along_u, along_v, along_w], axis=1)
 
 
 def _basis(name: str) -> list[Function]:

@@ -23,8 +23,9 @@ LINEAR = {
     "pyramid": [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 0.5, 0.8)],
 }
 POLYNOMIAL = ["triangle6", "quad8", "quad9", "tetra10", "hexahedron20", "hexahedron27", "wedge15", "wedge18"]
-KIND = dict(zip(POLYNOMIAL, (9, 16, 10, 11, 17, 12, 18, 13), strict=True))  # their numbers in Gmsh
 PYRAMIDS = ["pyramid13", "pyramid14"]
+CURVED = [*POLYNOMIAL, *PYRAMIDS]
+KIND = dict(zip(CURVED, (9, 16, 10, 11, 17, 12, 18, 13, 19, 14), strict=True))  # their numbers in Gmsh
 
 
 def one_bent(h, stored=(0, 1, 2, 3, 4, 5)):
@@ -65,6 +66,20 @@ def of_gmsh(mesh):
         jacobians = gmsh.model.mesh.getJacobians(KIND[block.type], local.ravel())[0]
     at_nodes = np.linalg.det(np.reshape(jacobians, (-1, count, 3, 3))[..., :d, :d])
     return np.array(least), at_nodes.min(axis=1)
+
+
+def jacobians_of_gmsh(mesh, places):
+    """(n, p) the determinants of the Jacobians of cells at places (p, 3) in the reference cell, by Gmsh."""
+    (block,) = mesh.cells
+    order = np.argsort(NODE_ORDER[block.type])
+    with gmsh_session() as gmsh:
+        entity = gmsh.model.addDiscreteEntity(3)
+        gmsh.model.mesh.addNodes(3, entity, np.arange(1, len(mesh.points) + 1), mesh.points.ravel())
+        tags = np.arange(1, len(block.vertices) + 1)
+        gmsh.model.mesh.addElementsByType(
+            entity, KIND[block.type], tags, block.vertices[:, order].ravel() + 1
+        )
+        return gmsh.model.mesh.getJacobians(KIND[block.type], places.ravel())[1].reshape(-1, len(places))
 
 
 @pytest.mark.parametrize("stored", [(0, 1, 2, 3, 4, 5), (0, 2, 1, 5, 4, 3)])
@@ -113,26 +128,48 @@ def test_the_mean_ratio_at_the_nodes_of_a_nearly_straight_cell_is_that_of_its_co
 
 
 @pytest.mark.parametrize("name", PYRAMIDS)
-def test_a_pyramid_is_judged_at_the_corners_of_its_base_and_never_certain(name):
-    mesh = cells_apart(name, 0.12)
+def test_verdicts_about_pyramids_agree_with_the_jacobians_of_gmsh(name):
+    """Inverted: at the nodes. Certain: nowhere negative, at random places (Gmsh's least value is none)."""
+    mesh = cells_apart(name, 0.12, n=300)
     judged = curved_quality(domain_of(mesh), mesh.points)
-    corners = CELL_TYPES["pyramid"].corners
-    edges = {frozenset(around): 5 + i for i, around in enumerate(CELL_TYPES["pyramid"].edges)}
-    cells = mesh.points[mesh.cells[0].vertices]
-    least = np.min(
-        [
-            np.linalg.det(
-                np.stack(
-                    [4 * cells[:, edges[frozenset((a, b))]] - 3 * cells[:, a] - cells[:, b] for b in ends], 1
-                )
-            )
-            for a, *ends in corners
-        ],
-        axis=0,
-    )
-    assert np.array_equal(judged.inverted, least[judged.element] <= 0)
-    assert np.array_equal(judged.uncertain, ~judged.inverted)
-    assert 0 < judged.inverted.sum() < len(judged.element)
+    assert len(judged.element) > 250
+    at_nodes = of_gmsh(mesh)[1][judged.element]
+    assert np.array_equal(judged.inverted, at_nodes <= 0)
+    rng = np.random.default_rng(5)
+    w = np.concatenate([rng.uniform(0, 1, 300), 1 - rng.uniform(0, 0.05, 300), np.full(100, 1e-9)])
+    places = np.column_stack([rng.uniform(-1, 1, (len(w), 2)) * (1 - w)[:, None], w])
+    inside = jacobians_of_gmsh(mesh, places)[judged.element].min(axis=1)
+    certain = ~judged.inverted & ~judged.uncertain
+    assert (inside[certain] > 0).all()
+    assert judged.inverted.sum() > 20
+    assert certain.sum() > 100
+    assert 0 < judged.uncertain.sum() < certain.sum()
+    assert (inside[judged.uncertain] <= 0).any()  # negative between its nodes alone
+
+
+@pytest.mark.parametrize("name", PYRAMIDS)
+def test_a_straight_pyramid_has_the_quality_of_its_corners_and_is_certain(name):
+    mesh = cells_apart(name, 0.0, n=20)
+    mesh.points[mesh.cells[0].vertices[:, 5]] += 1e-5
+    judged = curved_quality(domain_of(mesh), mesh.points)
+    straight = mesh_quality(mesh).quality.elements
+    assert len(judged.element) == 20
+    assert not judged.uncertain.any()
+    assert (judged.quality <= straight + 1e-3).all()
+
+
+@pytest.mark.parametrize("name", CURVED)
+def test_a_node_beyond_the_quarter_point_of_a_straight_edge_inverts_its_cell(name):
+    """The Jacobian at the ends of an edge is (4t - 1) and (3 - 4t) times that of the straight cell."""
+    for t, inverted in ((0.5, 0), (0.3, 0), (0.251, 0), (0.249, 1), (0.749, 0), (0.751, 1), (0.05, 1)):
+        mesh = cells_apart(name, 0.0, n=1)
+        cells = mesh.cells[0].vertices
+        first, end = CELL_TYPES[name].mids[0]
+        corners = mesh.points[cells[0]]
+        mesh.points[cells[0, -len(CELL_TYPES[name].mids)]] = (1 - t) * corners[first] + t * corners[end]
+        quality = mesh_quality(mesh).quality
+        assert quality.inverted == inverted, t
+        assert (quality.minimum <= 0) == bool(inverted)
 
 
 @pytest.fixture
