@@ -57,7 +57,7 @@ class Format:
     @property
     def patched(self) -> bool:
         """True if only coordinates change in its files."""
-        return self.reader not in (_MESHIO, "netgen")
+        return self.reader != _MESHIO
 
     def read(self, file: InputFile) -> Source:
         """Read a file of this format; raises InputError."""
@@ -292,10 +292,8 @@ REGISTRY = (
         "netgen",
         (".vol",),
         reader="netgen",
-        several=True,
-        versions="older ones",
-        regions="materials",
-        refused="files of newer versions",
+        versions="older and newer",
+        regions="materials, boundary conditions",
     ),
     Format("permas", (".post",), converter=None),
     Format(

@@ -42,7 +42,7 @@ def _row(record: Format) -> str:
         f"`{record.name}`",
         " ".join(record.suffixes),
         record.versions or "as meshio reads it",
-        "yes" if record.patched else "no: rewritten by meshio",
+        "yes" if record.patched else "no: read only",
         converted,
         record.regions or "tags, as meshio reads them" if not record.patched else record.regions or "none",
         record.refused or "-",

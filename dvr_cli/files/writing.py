@@ -39,6 +39,11 @@ class Output:
         self._path = path
         with _naming_output(path):
             same = record.name == source.format
+            if same and not record.patched:
+                raise OutputError(
+                    f"{record.name} files are read by meshio, which may lose what it does not know: they are "
+                    "not written back; write .vtu or another format"
+                )
             self._writer = source if same else record.convert(source.mesh, source.unread)
         self._writer.target = None if is_stream(path) else path
         self._field = field

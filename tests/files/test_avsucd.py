@@ -136,6 +136,12 @@ def test_interfaces_between_materials_stay():
     assert np.flatnonzero(domain_of(one).interior).tolist() == [4, 7, 8]
 
 
+def test_numbers_of_cells_may_repeat_where_no_data_go_by_them():
+    """deal.II counts the cells of each dimension anew, and reads such files."""
+    text = b"4 3 0 0 0\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n1 7 quad 1 2 3 4\n1 5 line 1 2\n2 5 line 2 3\n"
+    assert cells_of(read(text).mesh) == [("line", [[0, 1], [1, 2]]), ("quad", [[0, 1, 2, 3]])]
+
+
 @pytest.mark.parametrize("data", [ORDERED, SOLID])
 def test_vtk_reads_the_same(data, tmp_path):
     source = read(data)
@@ -243,7 +249,8 @@ def test_content_tells_it_from_an_abaqus_deck():
         (SOLID.replace(b"tet 2 10", b"tet 2"), "line 15: a cell tet has 4 nodes"),
         (SOLID.replace(b"tet 2 10", b"tet 2 11"), "line 15: there is no node 11"),
         (SOLID.replace(b"tet 2 10", b"tet 2 1.5"), "line 15: not numbers"),
-        (SOLID.replace(b"4 5 tet", b"3 5 tet"), "there are two cells 3"),
+        (PLANE.replace(b"3 1 Tri", b"4 1 Tri"), "there are two cells 4"),
+        (PLANE.replace(b"\n3 30", b"\n4 30"), "there are two cells 4"),
         (SOLID.replace(b"10 5 0", b"10 5 1"), "sizes of the data of nodes"),
         (PLANE.replace(b"2 1 1\n", b"2 1 2\n"), "sizes of the data of nodes should follow, 2 numbers"),
         (PLANE.replace(b"15 9 -9", b"16 9 -9"), "there is no such node"),

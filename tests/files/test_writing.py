@@ -15,6 +15,7 @@ import pytest
 
 from dvr_cli.cli.main import main
 from dvr_cli.errors import OutputError
+from dvr_cli.files.formats import FORMATS, format_named
 from dvr_cli.files.meshio_source import MeshioSource
 from dvr_cli.files.reading import open_mesh
 from dvr_cli.files.source import Source
@@ -375,3 +376,25 @@ def test_half_a_pair(pair, capsys):
     assert "in.ele is missing" in capsys.readouterr().err
     assert smooth(fan(pair / "a.msh"), pair / "out.node") == 4
     assert "only be written where the input is tetgen" in capsys.readouterr().err
+
+
+# UGRID is left out, as meshio writes it wrongly
+@pytest.mark.parametrize(
+    "name", [name for name in FORMATS if not format_named(name).patched and name != "ugrid"]
+)
+def test_what_only_meshio_reads_is_not_written_back(tmp_path, capsys, name):
+    """meshio leaves out what it does not know, so nobody could say what is lost."""
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    source = tmp_path / f"in{format_named(name).suffixes[0]}"
+    meshio.write(source, meshio.Mesh(points, [("tetra", [[0, 1, 2, 3]])]), file_format=name)
+    capsys.readouterr()  # warnings of meshio's writer
+    for output in (source, tmp_path / f"out{source.suffix}"):
+        before = source.read_bytes()
+        options = ["--no-report", "--engine", "numpy", "--input-format", name, "--output-format", name]
+        assert main(["smooth", str(source), str(output), *options]) == 4
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert f"{name} files are read by meshio" in error
+        assert source.read_bytes() == before
+    assert not (tmp_path / f"out{source.suffix}").exists()
+    assert smooth(source, tmp_path / "out.vtu", "--input-format", name) == 0

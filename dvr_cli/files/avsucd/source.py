@@ -60,12 +60,13 @@ def read(data: bytes) -> PatchedText:
     if (rows.counts != 4).any():
         raise lines.refusal(1 + int((rows.counts != 4).argmax()), "a node has an id and three coordinates")
     values = lines.numbers(rows, 1, np.float64).reshape(n, 4)
-    index = TagIndex(_ids(values[:, 0], "node"))
+    index = _index(_ids(values[:, 0], "node"), "node")
     spans = rows.source_spans(np.arange(n), np.arange(1, 4))
     blocks, materials, order, ids = _read_cells(lines, 1 + n, n_cells, index)
     at = 1 + n + n_cells
     point_data, at = _read_data(lines, at, on_nodes, index, n, "node")
-    by_cell, at = _read_data(lines, at, on_cells, TagIndex(ids), n_cells, "cell")
+    numbered = _index(ids, "cell") if on_cells else TagIndex(ids[:0])  # other programs mind them no more
+    by_cell, at = _read_data(lines, at, on_cells, numbered, n_cells, "cell")
     unread = number_not_kept(on_model, "value of the whole model")
     if len(lines) > at and not on_model:
         raise lines.refusal(at, "there is more than the first line says")
@@ -90,14 +91,18 @@ def _counts(lines: TextLines) -> list[int]:
 
 
 def _ids(numbers: np.ndarray, what: str) -> np.ndarray:
-    """(n,) ids of nodes or cells; InputError if they are no whole numbers, or repeated."""
+    """(n,) ids of nodes or cells; InputError if they are no whole numbers."""
     if not (np.abs(numbers) < 2**53).all() or (numbers % 1 != 0).any():
         raise InputError(f"the ids of {what}s are whole numbers")
-    ids = numbers.astype(np.int64)
+    return numbers.astype(np.int64)
+
+
+def _index(ids: np.ndarray, what: str) -> TagIndex:
+    """What finds nodes or cells by their ids; InputError if one is repeated."""
     repeated = first_repeated(ids)
     if repeated is not None:
         raise InputError(f"there are two {what}s {repeated}")
-    return ids
+    return TagIndex(ids)
 
 
 def _read_cells(
@@ -166,7 +171,9 @@ def _read_data(
     rows = lines.rows(first, n, 1 + total, what)
     values = lines.numbers(rows, first, np.float64)
     table = values[rows.first[:, None] + np.arange(1 + total)]
-    place = index.find(_ids(table[:, 0], what))
+    ids = _ids(table[:, 0], what)
+    _index(ids, what)
+    place = index.find(ids)
     if (place < 0).any():
         raise lines.refusal(first + int((place < 0).argmax()), f"there is no such {what}")
     found: dict[str, np.ndarray] = {}
