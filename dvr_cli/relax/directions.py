@@ -7,6 +7,8 @@ vector leaves its vertex where it is.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -21,14 +23,35 @@ DirectionField = Callable[[int, np.ndarray, np.ndarray], np.ndarray | Ascent]
 
 Entry = str | np.ndarray | tuple[str, np.ndarray]  # a name, an array, an array and its name in messages
 
-ASCENTS = {"steepest": STEEPEST, "optimal": OPTIMAL}
-NAMES = ("random", "x", "y", "z", "axis", "circumferential", "radial", *ASCENTS)
+
+@dataclass(frozen=True)
+class Setting:
+    """The mesh and the options that a direction may depend on.
+
+    center: (d,), and axis: (3,) of unit length, None in 2D: in the coordinates of the domain.
+    """
+
+    domain: Domain
+    seed: int
+    center: np.ndarray
+    axis: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A kind of direction that can be asked for by its name.
+
+    fields: the fields it stands for, one a sweep.
+    """
+
+    name: str
+    fields: Callable[[Setting], Sequence[DirectionField]]
 
 
 def check_name(name: str) -> None:
-    """Raise UsageError unless ``name`` is one of NAMES or "field:" and something."""
-    if name not in NAMES and not name.startswith("field:"):
-        known = ", ".join(NAMES)
+    """Raise UsageError unless ``name`` is one of DIRECTIONS or "field:" and something."""
+    if name not in DIRECTIONS and not name.startswith("field:"):
+        known = ", ".join(DIRECTIONS)
         raise UsageError(f"directions: unknown name {name!r}; known: {known}, file:PATH, field:NAME")
 
 
@@ -68,6 +91,16 @@ def constant_field(vector: np.ndarray) -> DirectionField:
     return field
 
 
+def coordinate_fields(names: str, setting: Setting) -> list[DirectionField]:
+    """The directions of some of the axes "xyz", those that the mesh has."""
+    return [constant_field(_coordinate_axis(name, setting.domain)) for name in names]
+
+
+def ascent_field(ascent: Ascent) -> DirectionField:
+    """Directions that the engine finds when the turn of a vertex comes."""
+    return lambda sweep, points, vertices: ascent
+
+
 def radial_field(center: np.ndarray, axis: np.ndarray | None) -> DirectionField:
     """Away from ``center`` (d,) in 2D, away from the line through it along ``axis`` (3,) in 3D."""
 
@@ -105,6 +138,20 @@ def array_field(vectors: np.ndarray, period: int = 1) -> DirectionField:
     return field
 
 
+_REGISTRY = (
+    Direction("random", lambda to: [random_field(to.domain.points.shape[1], len(to.domain.points), to.seed)]),
+    Direction("x", partial(coordinate_fields, "x")),
+    Direction("y", partial(coordinate_fields, "y")),
+    Direction("z", partial(coordinate_fields, "z")),
+    Direction("axis", lambda to: coordinate_fields("xyz"[: to.domain.points.shape[1]], to)),
+    Direction("circumferential", lambda to: [circumferential_field(to.center, to.axis)]),
+    Direction("radial", lambda to: [radial_field(to.center, to.axis)]),
+    Direction("steepest", lambda to: [ascent_field(STEEPEST)]),
+    Direction("optimal", lambda to: [ascent_field(OPTIMAL)]),
+)
+DIRECTIONS = {direction.name: direction for direction in _REGISTRY}
+
+
 def direction_field(
     entries: Sequence[Entry],
     domain: Domain,
@@ -115,48 +162,41 @@ def direction_field(
 ) -> DirectionField:
     """The direction field of a list of entries, one a sweep, cycled.
 
-    entries: names (see NAMES), "field:NAME" for a vector field in ``point_data``, or arrays (N, d) or
+    entries: names (see DIRECTIONS), "field:NAME" for a vector field in ``point_data``, or arrays (N, d) or
         (K, N, d); vectors with three components are projected into the plane of a planar mesh.
     center, axis: for "circumferential" and "radial"; default the centroid of the points and the z axis.
 
     Raises UsageError for unknown names and arrays of wrong shape or with values that are not finite.
     """
-    expanded: list[Entry] = []
-    for entry in entries:
-        if isinstance(entry, str) and entry == "axis":
-            expanded += ["x", "y", "z"][: domain.points.shape[1]]
-        else:
-            expanded.append(entry)
-    if not expanded:
+    if not entries:
         raise UsageError("directions: none given")
     middle = domain.points.mean(axis=0) if center is None else _in_domain(center, "center", domain)
     around = None
     if domain.points.shape[1] == 3:
         around = _axis((0.0, 0.0, 1.0) if axis is None else axis)
-
-    def field_of(entry: Entry) -> DirectionField:
-        if not isinstance(entry, str):
-            name, vectors = entry if isinstance(entry, tuple) else ("array", entry)
-            return array_field(_flat_vectors(vectors, name, domain), len(expanded))
-        if entry == "random":
-            return random_field(domain.points.shape[1], len(domain.points), seed)
-        if entry in ASCENTS:
-            return lambda sweep, points, vertices: ASCENTS[entry]
-        if entry in ("x", "y", "z"):
-            return constant_field(_coordinate_axis(entry, domain))
-        if entry == "circumferential":
-            return circumferential_field(middle, around)
-        if entry == "radial":
-            return radial_field(middle, around)
-        check_name(entry)
-        name = entry.removeprefix("field:")
-        if name not in point_data:
-            there = ", ".join(sorted(point_data)) or "none"
-            raise UsageError(f"directions {entry}: no such point field; there are: {there}")
-        return array_field(_flat_vectors(np.asarray(point_data[name]), entry, domain), len(expanded))
-
-    fields = [field_of(entry) for entry in expanded]
+    setting = Setting(domain, seed, middle, around)
+    turns: list[DirectionField | np.ndarray] = []  # vectors become fields when the number of turns is known
+    for entry in entries:
+        if isinstance(entry, str) and entry in DIRECTIONS:
+            turns += DIRECTIONS[entry].fields(setting)
+        else:
+            turns.append(_flat_vectors(*_named_vectors(entry, point_data), domain))
+    fields = [array_field(turn, len(turns)) if isinstance(turn, np.ndarray) else turn for turn in turns]
     return lambda sweep, points, vertices: fields[sweep % len(fields)](sweep, points, vertices)
+
+
+def _named_vectors(entry: Entry, point_data: Mapping[str, np.ndarray]) -> tuple[np.ndarray, str]:
+    """Vectors given as an array or as a point field, and their name in messages."""
+    if isinstance(entry, tuple):
+        return entry[1], entry[0]
+    if not isinstance(entry, str):
+        return entry, "array"
+    check_name(entry)
+    name = entry.removeprefix("field:")
+    if name not in point_data:
+        there = ", ".join(sorted(point_data)) or "none"
+        raise UsageError(f"directions {entry}: no such point field; there are: {there}")
+    return np.asarray(point_data[name]), entry
 
 
 def _axis(values: Sequence[float]) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import math
 
+import meshio
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,10 +12,12 @@ from hypothesis.extra.numpy import arrays
 import dvr_cli
 from dvr_cli.api import SmoothOptions
 from dvr_cli.boundary.freedom import unit
+from dvr_cli.cli.main import main
 from dvr_cli.errors import DvrError, InputError, UsageError
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
-from dvr_cli.relax.directions import ASCENTS, NAMES, direction_field
+from dvr_cli.options import OPTIONS
+from dvr_cli.relax.directions import DIRECTIONS, Direction, direction_field, radial_field
 from meshes import random_mesh
 
 FLAT, VOLUME = random_mesh("triangle", 1), random_mesh("tetra", 1)
@@ -67,7 +70,7 @@ def test_unit_takes_vectors_of_any_size(scale):
 
 
 @pytest.mark.parametrize("mesh", [FLAT, VOLUME], ids=["2D", "3D"])
-@pytest.mark.parametrize("name", [*(n for n in NAMES if n not in ASCENTS), "array", "field:f"])
+@pytest.mark.parametrize("name", [*sorted(DIRECTIONS.keys() - {"steepest", "optimal"}), "array", "field:f"])
 def test_directions_have_unit_length(name, mesh):
     d = mesh.points.shape[1]
     if name == "z" and d == 2:
@@ -422,13 +425,39 @@ def test_arrays_that_are_not_numbers(kind):
     assert "not numbers" in refusal(UsageError, all_directions, FLAT, [np.ones((N, 2)).astype(kind)])
 
 
+def test_a_new_record_is_a_direction_of_commands_and_of_the_api(monkeypatch, tmp_path):
+    """Inward, and outward in the sweep after, is what it stands for; no other module knows the name."""
+
+    def fields(setting):
+        outward = radial_field(setting.center, setting.axis)
+        return [lambda *given: -outward(*given), outward]
+
+    monkeypatch.setitem(DIRECTIONS, "in-and-out", Direction("in-and-out", fields))
+    directions = [all_directions(VOLUME, ["in-and-out", "x"], sweep) for sweep in range(3)]
+    offset = VOLUME.points - VOLUME.points.mean(axis=0)
+    offset[:, 2] = 0
+    np.testing.assert_allclose(directions[0], -normalised(offset), rtol=1e-12)
+    np.testing.assert_allclose(directions[1], normalised(offset), rtol=1e-12)
+    assert (directions[2] == [1, 0, 0]).all()
+    points, report = dvr_cli.smooth(FLAT.points, CELLS, directions="in-and-out", max_iterations=2)
+    assert report.options["directions"] == "in-and-out"
+    assert (points != FLAT.points).any()
+    meshio.Mesh(np.pad(FLAT.points, ((0, 0), (0, 1))), CELLS).write(tmp_path / "in.vtk")
+    command = ["smooth", tmp_path / "in.vtk", tmp_path / "out.vtk", "-d", "in-and-out", "-q"]
+    assert main([str(word) for word in command]) == 0
+
+
+def test_every_name_is_in_the_help():
+    assert all(f" {name}" in OPTIONS["directions"].help for name in DIRECTIONS)
+
+
 def test_unknown_names_are_told_with_those_that_exist():
     for message in (
         refusal(UsageError, all_directions, FLAT, ["x", "sideways"]),
         refusal(UsageError, SmoothOptions, "x,sideways"),
     ):
         assert "'sideways'" in message
-        assert all(name in message for name in NAMES)
+        assert all(name in message for name in DIRECTIONS)
     message = refusal(UsageError, all_directions, FLAT, ["field:wind"], point_data={"u": 1, "velocity": 2})
     assert "field:wind" in message
     assert "u, velocity" in message
