@@ -14,8 +14,9 @@ from typing import Any, TypeVar
 from numba import njit
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
-# IEEE arithmetic as written: nothing fused or reassociated, division by zero as in NumPy
-_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+# IEEE arithmetic as written: nothing fused or reassociated, division by zero as in NumPy. No entry point for
+# C is made: nothing calls one, and to compile it takes time.
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
 def compiled(function: _Function, **options: Any) -> _Function:
@@ -33,9 +34,10 @@ def compiled(function: _Function, **options: Any) -> _Function:
 def inlined(function: _Function) -> _Function:
     """``function`` compiled into those that call it, for short ones called in loops.
 
-    A call proper counts references to each array it is given, which costs more than a few sums do.
+    A call proper counts references to each array it is given, which costs more than a few sums do. Python
+    cannot call it: to compile an entry for that takes time.
     """
-    return compiled(function, forceinline=True)
+    return compiled(function, forceinline=True, no_cpython_wrapper=True)
 
 
 @cache

@@ -38,7 +38,7 @@ def random_mesh(kind: str, seed: int, n: int = 3, noise: float = 0.3) -> Mesh:
     points[inner] += noise / n * rng.uniform(-1, 1, (inner.sum(), d))
     if kind == "mixed2d":
         cut = boxes[: len(boxes) // 2]
-        triangles = np.concatenate([cut[:, [0, 1, 2]], cut[:, [0, 2, 3]]])
+        triangles = np.concatenate([np.take(cut, three, axis=1) for three in ([0, 1, 2], [0, 2, 3])])
         return Mesh(points, [Cells("triangle", triangles), Cells("quad", boxes[len(boxes) // 2 :])])
     if kind in ("quad", "hexahedron"):
         return Mesh(points, [Cells(kind, boxes)])
@@ -161,4 +161,4 @@ def grid(n: int, dimension: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _cut(boxes: np.ndarray, pieces: tuple[tuple[int, ...], ...]) -> np.ndarray:
-    return boxes[:, np.array(pieces)].reshape(-1, len(pieces[0]))
+    return np.take(boxes, np.array(pieces), axis=1).reshape(-1, len(pieces[0]))

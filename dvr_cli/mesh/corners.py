@@ -171,7 +171,8 @@ def corners_of(blocks: list[Cells], dimension: int) -> Corners:
             raise InputError(f"cells of type {block.type!r} cannot be relaxed in {dimension}D")
         cell_type = CELL_TYPES[block.type]
         local = np.array(cell_type.corners)
-        vertices.append(block.vertices[:, local].reshape(-1, dimension + 1).astype(np.int32, copy=False))
+        of_cells = np.take(block.vertices, local, axis=1)  # in order of the rows, unlike an index
+        vertices.append(of_cells.reshape(-1, dimension + 1).astype(np.int32, copy=False))
         shapes.append(np.tile(corner_shapes(cell_type), (len(block.vertices), 1)))
         counts.append(np.full(len(block.vertices), len(local)))
     start = np.concatenate([[0], np.cumsum(np.concatenate([np.empty(0, np.int64), *counts]))])

@@ -61,7 +61,8 @@ def with_mirrored(blocks: list[Cells], mirrored: np.ndarray) -> list[Cells]:
     for block in blocks:
         here = mirrored[start : start + len(block.vertices)]
         start += len(block.vertices)
-        turned = np.where(here[:, None], block.vertices[:, CELL_TYPES[block.type].mirror], block.vertices)
+        mirror = np.take(block.vertices, CELL_TYPES[block.type].mirror, axis=1)
+        turned = np.where(here[:, None], mirror, block.vertices)
         result.append(Cells(block.type, turned))
     return result
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import os
 import re
 import subprocess
 import sys
 from html.parser import HTMLParser
+from pathlib import Path
 
 import meshio
 import numpy as np
@@ -25,20 +27,36 @@ from needs import require_program
 MAGIC = {".svg": b"<?xml", ".png": b"\x89PNG", ".pdf": b"%PDF", ".html": b"<!DOCTYPE html>"}
 
 
-@pytest.mark.parametrize("suffix", MAGIC)
-def test_pictures_of_all_commands(dvr, tmp_path, suffix):
-    source, output = fan(tmp_path / "in.msh"), tmp_path / "out.msh"
-    for name, command in {
-        "smooth": ["smooth", source, output],
-        "quality": ["report", "quality", source],
-        "compare": ["report", "compare", source, output],
-    }.items():
-        plot = tmp_path / f"{name}{suffix}"
-        without = dvr(*command)
-        result = dvr(*command, "--plot", plot)
-        assert (result.code, result.out) == (0, without.out)
-        assert plot.read_bytes().startswith(MAGIC[suffix])
-        assert (f"picture: {plot}\n" in result.err) == (name == "smooth")
+COMMANDS = {
+    "smooth": ["smooth", "in.msh", "out.msh"],
+    "quality": ["report", "quality", "in.msh"],
+    "compare": ["report", "compare", "in.msh", "other.msh"],
+}
+USUAL = {
+    ("smooth", ".svg"),
+    ("quality", ".png"),
+    ("compare", ".pdf"),
+    *((name, ".html") for name in COMMANDS),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "suffix"),
+    [
+        pytest.param(*pair, marks=[] if pair in USUAL else pytest.mark.long)
+        for pair in itertools.product(COMMANDS, MAGIC)
+    ],
+)
+def test_pictures_of_all_commands(dvr, tmp_path, monkeypatch, name, suffix):
+    monkeypatch.chdir(tmp_path)
+    fan(Path("in.msh"))
+    fan(Path("other.msh"), 0.7, 0.6)
+    plot = Path(f"{name}{suffix}")
+    without = dvr(*COMMANDS[name])
+    result = dvr(*COMMANDS[name], "--plot", plot)
+    assert (result.code, result.out) == (0, without.out)
+    assert plot.read_bytes().startswith(MAGIC[suffix])
+    assert (f"picture: {plot}\n" in result.err) == (name == "smooth")
 
 
 @pytest.mark.filterwarnings("error")

@@ -14,7 +14,7 @@ from gmsh_session import gmsh_session
 from meshes import random_mesh
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
-VARIANTS = [(2.2, 0), (2.2, 1), (4.1, 0), (4.1, 1)]
+VARIANTS = [(2.2, 0), (4.1, 1), *(pytest.param(*v, marks=pytest.mark.long) for v in ((2.2, 1), (4.1, 0)))]
 SWEEPS = ["-n", "3", "-q"]
 
 
@@ -61,7 +61,10 @@ def moved(source: Path, output: Path) -> np.ndarray:
     return (before.view(np.int64) != after.view(np.int64)).any(axis=1)
 
 
-@pytest.mark.parametrize(("version", "binary"), VARIANTS)
+@pytest.mark.parametrize(
+    ("version", "binary"),
+    [(2.2, 0), (4.1, 1), *(pytest.param(*v, marks=pytest.mark.long) for v in ((2.2, 1), (4.1, 0)))],
+)
 def test_physical_groups_of_gmsh_by_name_and_by_tag(dvr, tmp_path, version, binary):
     source, output = tmp_path / "in.msh", tmp_path / "out.msh"
     groups = two_halves(source, version, binary)

@@ -159,7 +159,8 @@ def test_vtk_files_that_move(runner, kind, version, binary, double):
     assert (vtk_corpus.coordinates(after) != vtk_corpus.coordinates(before)).any(axis=1).sum() == 8
 
 
-def test_damaged_files_through_the_whole_command(tmp_path):
+@pytest.mark.parametrize("damaged_files", [150, pytest.param(500, marks=pytest.mark.long)])
+def test_damaged_files_through_the_whole_command(tmp_path, damaged_files):
     """Errors are of the kinds a user can be told of, and what is written can be read."""
     gmsh_names = [n for n in gmsh_corpus.NAMES if n.startswith(("quads", "sparse", "periodic_r", "embedded"))]
     small_vtk = ("tetrahedra-", "scalars-", "structured342-", "hand-", "meshio-")
@@ -171,7 +172,7 @@ def test_damaged_files_through_the_whole_command(tmp_path):
     written = refused = several_lines = 0
     for suffix, sound in files.items():
         source, output = tmp_path / f"in{suffix}", tmp_path / f"out{suffix}"
-        for damaged in mutated(sound, 500, seed=17):
+        for damaged in mutated(sound, damaged_files, seed=17):
             source.write_bytes(damaged)
             try:
                 opened = open_mesh(source)

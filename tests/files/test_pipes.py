@@ -70,7 +70,7 @@ def generator(tmp_path: Path) -> list[object]:
 @posix
 @pytest.mark.parametrize("binary", [[], ["-bin"]], ids=["ascii", "binary"])
 @pytest.mark.parametrize("version", ["msh22", "msh41"])
-def test_from_gmsh_through_dvr_to_a_reader(generator, version, binary):
+def test_from_gmsh_through_dvr_to_a_file(generator, version, binary):
     generated = run(*generator, "-format", version, *binary)
     assert generated.returncode == 0, generated.stderr
     *_, smoothed = pipeline([*generator, "-format", version, *binary], [DVR, "smooth", "-", "-"])
@@ -82,8 +82,12 @@ def test_from_gmsh_through_dvr_to_a_reader(generator, version, binary):
     assert set(after.groups) == {(3, 7), (2, 3)}
     assert after.nodes.keys() == before.nodes.keys()
     assert after.nodes != before.nodes
+
+
+@posix
+def test_from_gmsh_through_dvr_twice(generator):
     *_, measured = pipeline(
-        [*generator, "-format", version, *binary],
+        [*generator, "-format", "msh41", "-bin"],
         [DVR, "smooth", "-", "-", "--quiet"],
         [DVR, "report", "quality", "-"],
     )

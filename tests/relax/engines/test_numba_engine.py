@@ -72,11 +72,12 @@ def test_same_bytes_for_every_kind_of_direction(kind, directions):
     assert result(mesh, "numba", directions=directions) == result(mesh, "numpy", directions=directions)
 
 
-@pytest.mark.parametrize("threads", [1, 2, 3, 7])
 @pytest.mark.parametrize("kind", KINDS)
-def test_same_bytes_on_any_number_of_threads(kind, threads):
+def test_same_bytes_on_any_number_of_threads(kind):
     mesh = random_mesh(kind, 3, n=4)
-    assert result(mesh, "numba", threads=threads) == result(mesh, "numpy")
+    expected = result(mesh, "numpy")
+    for threads in (1, 2, 3, 7):
+        assert result(mesh, "numba", threads=threads) == expected, threads
 
 
 @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.name)
@@ -85,26 +86,40 @@ def test_same_bytes_on_the_sample_meshes(path):
     assert result(mesh, "numba", threads=2, sweeps=4) == result(mesh, "numpy", sweeps=4)
 
 
-@settings(max_examples=60, deadline=None)
-@given(st.sampled_from(KINDS), st.integers(0, 10**6), st.floats(0, 0.6), st.integers(-30, 30))
-def test_same_bytes_whatever_the_mesh(kind, seed, noise, scale):
+@pytest.mark.parametrize("examples", [15, pytest.param(60, marks=pytest.mark.long)])
+def test_same_bytes_whatever_the_mesh(examples):
     """Tangled meshes and extreme scales included."""
-    mesh = random_mesh(kind, seed, noise=noise)
-    scaled = Mesh(mesh.points * 2.0**scale, mesh.cells)
-    assert result(scaled, "numba", seed=seed) == result(scaled, "numpy", seed=seed)
+
+    @settings(max_examples=examples, deadline=None)
+    @given(st.sampled_from(KINDS), st.integers(0, 10**6), st.floats(0, 0.6), st.integers(-30, 30))
+    def check(kind, seed, noise, scale):
+        mesh = random_mesh(kind, seed, noise=noise)
+        scaled = Mesh(mesh.points * 2.0**scale, mesh.cells)
+        assert result(scaled, "numba", seed=seed) == result(scaled, "numpy", seed=seed)
+
+    check()
 
 
-@settings(max_examples=60, deadline=None)
-@given(
-    st.sampled_from(KINDS),
-    st.integers(0, 10**6),
-    st.floats(0, 0.9),
-    st.integers(-30, 30),
-    st.booleans(),
-    st.sampled_from([1, 3]),
-)
-def test_same_bytes_where_directions_follow_the_ring(kind, seed, noise, scale, whole, threads):
+@pytest.mark.parametrize("examples", [25, pytest.param(60, marks=pytest.mark.long)])
+def test_same_bytes_where_directions_follow_the_ring(examples):
     """Steepest ascent, the optimum and polishing, with and without restricted freedom."""
+
+    @settings(max_examples=examples, deadline=None)
+    @given(
+        st.sampled_from(KINDS),
+        st.integers(0, 10**6),
+        st.floats(0, 0.9),
+        st.integers(-30, 30),
+        st.booleans(),
+        st.sampled_from([1, 3]),
+    )
+    def check(kind, seed, noise, scale, whole, threads):
+        same_where_directions_follow_the_ring(kind, seed, noise, scale, whole, threads)
+
+    check()
+
+
+def same_where_directions_follow_the_ring(kind, seed, noise, scale, whole, threads):
     mesh = random_mesh(kind, seed, n=2, noise=noise)
     mesh = Mesh(mesh.points * 2.0**scale, mesh.cells)
     domain = domain_of(mesh)
@@ -132,23 +147,28 @@ def test_same_bytes_and_report_of_all_phases(kind):
     assert result(mesh, "numba", threads=2, **options) == result(mesh, "numpy", **options)
 
 
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 10**6), st.sampled_from([2, 3]), st.floats(0.0, 3.0))
-def test_same_bytes_for_tangled_meshes(seed, dimension, mess):
-    mesh = delaunay(60, dimension, seed)
-    domain = domain_of(mesh)
-    rng = np.random.default_rng(seed)
-    points = mesh.points.copy()
-    points[domain.interior] += 0.1 * mess * rng.normal(size=(int(domain.interior.sum()), dimension))
-    tangled = Mesh(points, mesh.cells)
-    for directions in ("random", "steepest"):
-        one, other = (result(tangled, engine, directions=directions) for engine in ("numba", "numpy"))
-        assert one == other
+@pytest.mark.parametrize("examples", [10, pytest.param(30, marks=pytest.mark.long)])
+def test_same_bytes_for_tangled_meshes(examples):
+    @settings(max_examples=examples, deadline=None)
+    @given(st.integers(0, 10**6), st.sampled_from([2, 3]), st.floats(0.0, 3.0))
+    def check(seed, dimension, mess):
+        mesh = delaunay(60, dimension, seed)
+        domain = domain_of(mesh)
+        rng = np.random.default_rng(seed)
+        points = mesh.points.copy()
+        points[domain.interior] += 0.1 * mess * rng.normal(size=(int(domain.interior.sum()), dimension))
+        tangled = Mesh(points, mesh.cells)
+        for directions in ("random", "steepest"):
+            one, other = (result(tangled, engine, directions=directions) for engine in ("numba", "numpy"))
+            assert one == other
+
+    check()
 
 
-def test_same_bytes_for_flat_and_degenerate_elements():
+@pytest.mark.parametrize("meshes", [10, pytest.param(30, marks=pytest.mark.long)])
+def test_same_bytes_for_flat_and_degenerate_elements(meshes):
     """Every vertex on few lattice points: ties, zero volumes and corners at their barrier everywhere."""
-    for seed in range(30):
+    for seed in range(meshes):
         mesh = hexagon(4) if seed % 2 else random_mesh("tetra", seed, n=4)
         coarse = Mesh(np.round(mesh.points * 7) / 7, mesh.cells)
         assert result(coarse, "numba", directions="random,axis") == result(
