@@ -8,9 +8,9 @@ import numpy as np
 
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
-from dvr_cli.quality.angles import extreme_angles
 from dvr_cli.quality.curved import curved_quality
 from dvr_cli.quality.mean_ratio import DEGENERATE, cell_normals, corner_qualities, turned_over
+from dvr_cli.quality.measures import measured
 from dvr_cli.quality.vector import ring_minima
 
 QUANTILES = (0.01, 0.1, 0.5)
@@ -29,7 +29,7 @@ class Element:
 
 @dataclass(frozen=True)
 class Quality:
-    """The qualities of one mesh. All qualities are mean ratios in [-1, 1]; angles are in degrees.
+    """The qualities of one mesh. All qualities are mean ratios in [-1, 1].
 
     q1: worst quality that relaxation can touch (first component of the quality vector), None without
         relaxed vertices; q1_element: the first element that has it.
@@ -37,8 +37,9 @@ class Quality:
     inverted: how many elements are inverted, curved second-order ones by their own Jacobian; uncertain: how
         many of these may be inverted between their nodes (see ``quality.curved``). The quality of a curved
         element that is inverted is the least at its nodes, else that of its corners.
-    minimum, mean, quantiles: over all elements. histogram: (HISTOGRAM_BINS,) element counts from 0 to 1,
-        those below 0 in the first bin.
+    minimum, mean, quantiles: over all elements. measures: the other measures by name, see
+        ``quality.measures``, None for those that the mesh does not have. histogram: (HISTOGRAM_BINS,) element
+        counts from 0 to 1, those below 0 in the first bin.
     worst: the worst elements, worst first. vector: (m,) the quality vector, ascending (paper eq. 8), and
     vertices: (m,) the relaxed vertex each component belongs to. elements: (n,) quality of each element.
     """
@@ -52,8 +53,7 @@ class Quality:
     inverted: int
     uncertain: int
     degenerate: int
-    min_angle: float | None
-    max_angle: float | None
+    measures: dict[str, float | None]
     histogram: np.ndarray
     worst: list[Element]
     vector: np.ndarray
@@ -92,7 +92,6 @@ def measure(
     touched = moves[corners.vertices].any(axis=1)
     minima = ring_minima(by_corner, corners, len(points))[relaxed]
     order = np.lexsort((relaxed, minima))
-    low, high = extreme_angles(flat, domain.cells, domain.backend)
     counts, _ = np.histogram(np.clip(elements, 0.0, 1.0), bins=HISTOGRAM_BINS, range=(0.0, 1.0))
     return Quality(
         q1=float(minima.min()) if len(relaxed) else None,
@@ -104,8 +103,7 @@ def measure(
         inverted=int(turned.sum()),
         uncertain=int((curved.uncertain & ~turned[curved.element]).sum()),
         degenerate=int(((np.abs(elements) <= DEGENERATE) & ~turned).sum()),
-        min_angle=None if np.isnan(low) else low,
-        max_angle=None if np.isnan(high) else high,
+        measures=measured(domain, flat),
         histogram=counts,
         worst=_worst(domain, points, elements, worst),
         vector=minima[order],

@@ -15,16 +15,20 @@ from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.region_choice import Divider
 from dvr_cli.quality.limits import Limit
 from dvr_cli.quality.measure import Quality
+from dvr_cli.quality.measures import units
 from dvr_cli.relax.phases import MorphPhase, Phase, UntanglePhase
 from dvr_cli.relax.stopping import StopReason
 from dvr_cli.relax.untangle.causes import REASONS
 
-UNITS = {
-    "quality": "mean ratio, from -1 to 1",
-    "angle": "degree",
-    "seconds": "second",
-    "deviation": "that of the coordinates",
-}
+
+def _units() -> dict[str, str]:
+    """The unit of each kind of number in a report."""
+    return {
+        "quality": "mean ratio, from -1 to 1",
+        **units(),
+        "seconds": "second",
+        "deviation": "that of the coordinates",
+    }
 
 
 @dataclass(frozen=True)
@@ -104,7 +108,7 @@ class QualityReport:
             "dvr_version": __version__,
             "mesh": {"path": path, **asdict(self.mesh)},
             "relaxed": self.relaxed,
-            "units": UNITS,
+            "units": _units(),
             "quality": _quality_record(self.quality),
             "stretched": None if self.stretched is None else asdict(self.stretched),
             "quality_vector": self.quality.vector.tolist(),
@@ -178,7 +182,7 @@ class SmoothReport:
             "input": source,
             "mesh": {"path": path, **asdict(self.mesh)},
             "relaxed": self.relaxed,
-            "units": UNITS,
+            "units": _units(),
             "quality": after,
             "before": _quality_record(self.before),
             "after": after,
@@ -243,8 +247,7 @@ def _quality_record(quality: Quality) -> dict[str, Any]:
         "inverted": quality.inverted,
         "uncertain": quality.uncertain,
         "degenerate": quality.degenerate,
-        "min_angle": quality.min_angle,
-        "max_angle": quality.max_angle,
+        **quality.measures,
         "histogram": quality.histogram.tolist(),
         "worst": [asdict(element) for element in quality.worst],
     }

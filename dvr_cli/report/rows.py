@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvr_cli.quality.measures import labelled
+
 if TYPE_CHECKING:
     from dvr_cli.quality.measure import Element, Quality
     from dvr_cli.report.records import QualityReport
@@ -20,7 +22,6 @@ def mesh_rows(report: QualityReport) -> list[tuple[str, int]]:
 
 def quality_rows(quality: Quality, dimension: int) -> list[tuple[str, Value]]:
     """The rows of a quality block: label and value, None for what the mesh does not have."""
-    angle = "angle" if dimension == 2 else "dihedral"
     return [
         ("Q1", quality.q1),
         ("fixed cap", quality.fixed_cap),
@@ -29,8 +30,7 @@ def quality_rows(quality: Quality, dimension: int) -> list[tuple[str, Value]]:
         ("mean", quality.mean),
         ("inverted", quality.inverted),
         ("degenerate", quality.degenerate),
-        (f"min {angle} (deg)", quality.min_angle),
-        (f"max {angle} (deg)", quality.max_angle),
+        *labelled(quality.measures, dimension),
     ]
 
 

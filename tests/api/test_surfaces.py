@@ -81,7 +81,7 @@ def test_the_quality_of_a_surface_is_that_of_its_triangles_in_their_own_planes(c
     assert report.quality.inverted == 0
     # the same angles as in the plane each lies in
     cosine = ((b - a) * (c - a)).sum(axis=1) / np.linalg.norm(b - a, axis=1) / np.linalg.norm(c - a, axis=1)
-    assert report.quality.min_angle <= np.degrees(np.arccos(cosine)).min() + 1e-9
+    assert report.quality.measures["min_angle"] <= np.degrees(np.arccos(cosine)).min() + 1e-9
     assert main(["report", "quality", str(written(tmp_path / "s.ply", mesh))]) == 0
     assert "surface\tyes\n" in capsys.readouterr().out
 
