@@ -113,7 +113,7 @@ def test_points_that_span_no_plane_lie_in_one_all_the_same(points):
     np.testing.assert_allclose(plane.axes @ plane.axes.T, np.eye(2), atol=4 * EPS)
 
 
-@pytest.mark.parametrize("height", [-0.0, 0.1, 1e5])
+@pytest.mark.parametrize("height", [-0.0, pytest.param(0.1, marks=pytest.mark.long), 1e5])
 @pytest.mark.parametrize("constant", CONSTANT)
 @pytest.mark.parametrize("kind", PLANAR)
 def test_smoothing_keeps_the_constant_coordinate_bit_by_bit(kind, constant, height):
@@ -167,15 +167,16 @@ def test_faces_of_a_volume_are_no_surface():
     assert domain_of(Mesh(mesh.points, [faces, *mesh.cells])).plane is None
 
 
+@pytest.mark.parametrize("turns", [5, pytest.param(20, marks=pytest.mark.long)])
 @pytest.mark.parametrize("offset", [0.0, 1e6])
 @pytest.mark.parametrize(("kind", "seed"), [("triangle", 2), ("quad", 1), ("mixed2d", 4)])
-def test_quality_never_decreases_in_a_tilted_plane(kind, seed, offset):
+def test_quality_never_decreases_in_a_tilted_plane(kind, seed, offset, turns):
     """Also when nothing is left to gain, and the three coordinates of a moved vertex are rounded."""
     mesh = random_mesh(kind, seed)
     cells = [(block.type, block.vertices) for block in mesh.cells]
     axes = tilt(7)
     points = mesh.points @ axes[:2] + offset * axes[0] / 3 + offset * axes[2]
     points, _ = dvr_cli.smooth(points, cells, max_iterations=60, tol=0)
-    for turn in range(20):
+    for turn in range(turns):
         points, report = dvr_cli.smooth(points, cells, seed=turn, max_iterations=1)
         assert report.after.q1 >= report.before.q1

@@ -180,7 +180,7 @@ def test_lines_differ_in_more_than_colour():
     assert len({str(sorted(map(str, style.items()))) for style in styles(12)}) == 12
 
 
-@pytest.mark.parametrize("kind", ["triangle", "mixed3d"])
+@pytest.mark.parametrize("kind", [pytest.param("triangle", marks=pytest.mark.long), "mixed3d"])
 def test_labels_do_not_overlap(kind):
     mesh, points, report = smoothed(kind, patches=True, polish=True)
     figure = drawn(mesh, points, report)

@@ -100,7 +100,7 @@ def test_without_regularisation_the_energy_is_the_sum_of_the_inverse_qualities(k
 
 
 @pytest.mark.parametrize("directions", ["axis", "circumferential"])
-@pytest.mark.parametrize("rings", [8, 12, 20])
+@pytest.mark.parametrize("rings", [8, 12, pytest.param(20, marks=pytest.mark.long)])
 @pytest.mark.parametrize("degrees", [18, 40])
 def test_hexagon_with_turned_boundary(rings, degrees, directions):
     """Paper, section 5.3, and further: all positive, and nearly equilateral after relaxation."""
@@ -115,7 +115,9 @@ def test_hexagon_with_turned_boundary(rings, degrees, directions):
     assert min(qualities) == pytest.approx(report.after.minimum)
 
 
-@pytest.mark.parametrize(("rings", "mild"), [(8, True), (12, True), (20, False)])
+@pytest.mark.parametrize(
+    ("rings", "mild"), [(8, True), pytest.param(12, True, marks=pytest.mark.long), (20, False)]
+)
 def test_relaxation_alone_repairs_the_hexagon_only_while_the_tangling_is_mild(rings, mild):
     """As in the paper, along the axes; with 20 rings 18 degrees are too much for any vertex to be first."""
     mesh = turned_hexagon(rings, 18)
