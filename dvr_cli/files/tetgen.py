@@ -15,17 +15,19 @@ from dvr_cli.errors import InputError
 from dvr_cli.files.numbers_in_text import Rows, inside_spans
 from dvr_cli.files.patched_text import PatchedText
 from dvr_cli.files.source import InputFile
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 
 _MOST = 1 << 40  # larger counts can only come from damage
-# (dimension, nodes of an element): meshio's type, and the place in the file of each node in meshio's order.
-# TetGen lists the edges of a tetrahedron in another order; Triangle names midsides by the opposite corner.
-_TYPES = {
-    (2, 3): ("triangle", [0, 1, 2]),
-    (2, 6): ("triangle6", [0, 1, 2, 5, 3, 4]),
-    (3, 4): ("tetra", [0, 1, 2, 3]),
-    (3, 10): ("tetra10", [0, 1, 2, 3, 6, 7, 9, 5, 8, 4]),
+# The place in the file of each node in meshio's order. TetGen lists the edges of a tetrahedron in another
+# order; Triangle names midsides by the opposite corner.
+_ORDERS = {
+    "triangle": [0, 1, 2],
+    "triangle6": [0, 1, 2, 5, 3, 4],
+    "tetra": [0, 1, 2, 3],
+    "tetra10": [0, 1, 2, 3, 6, 7, 9, 5, 8, 4],
 }
+_TYPES = {(CELL_TYPES[name].dimension, CELL_TYPES[name].nodes): name for name in _ORDERS}
 
 
 # Files of facets that may be there, and for each kind of element (as above) by how many nodes its facets may
@@ -104,8 +106,8 @@ def read_files(node: bytes, beside: dict[str, bytes]) -> TetgenSource:
             f"the .ele file has elements of {n_nodes} nodes in {dimension}D, which are not supported"
         )
     values = elements.read(1 + n_nodes + n_attributes)
-    cell_type, order = _TYPES[dimension, n_nodes]
-    cells = values[:, 1 : 1 + n_nodes][:, order]
+    cell_type = _TYPES[dimension, n_nodes]
+    cells = values[:, 1 : 1 + n_nodes][:, _ORDERS[cell_type]]
     blocks = [Cells(cell_type, _vertices(cells, ".ele", int(index[0]), len(points)))]
     cell_data = {name: [tags] for name, tags in _references(values[:, 1 + n_nodes :]).items()}
     for suffix, possible in _MARKED.items():

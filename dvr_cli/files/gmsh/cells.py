@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from dvr_cli.errors import InputError
+from dvr_cli.mesh.cell_types import CELL_TYPES
 
 
 class CellType(NamedTuple):
@@ -20,28 +21,23 @@ class CellType(NamedTuple):
     nodes: int
 
 
-def _family(shape: str, dimension: int, **codes_by_size: int) -> dict[int, CellType]:
-    """Types of one shape: keyword ``n6=9`` says that the 6-node cell has Gmsh number 9."""
-    sizes = {code: int(size[1:]) for size, code in codes_by_size.items()}
-    return {code: CellType(f"{shape}{size}", dimension, size) for code, size in sizes.items()}
+def _family(shape: str, code: int, **codes_by_size: int) -> dict[int, CellType]:
+    """Types of one shape, the linear one first; keyword ``n6=9`` says that the 6-node cell is number 9."""
+    linear = CELL_TYPES[shape]
+    sizes = {number: int(size[1:]) for size, number in codes_by_size.items()}
+    others = {number: CellType(f"{shape}{size}", linear.dimension, size) for number, size in sizes.items()}
+    return {code: CellType(shape, linear.dimension, linear.nodes), **others}
 
 
 _TYPES = {
-    15: CellType("vertex", 0, 1),
-    1: CellType("line", 1, 2),
-    2: CellType("triangle", 2, 3),
-    3: CellType("quad", 2, 4),
-    4: CellType("tetra", 3, 4),
-    5: CellType("hexahedron", 3, 8),
-    6: CellType("wedge", 3, 6),
-    7: CellType("pyramid", 3, 5),
+    **_family("vertex", 15),
     **_family("line", 1, n3=8, n4=26, n5=27, n6=28, n7=62, n8=63, n9=64, n10=65, n11=66),
     **_family("triangle", 2, n6=9, n10=21, n15=23, n21=25, n28=42, n36=43, n45=44, n55=45, n66=46),
-    **_family("quad", 2, n8=16, n9=10, n16=36, n25=37, n36=38, n49=47, n64=48, n81=49, n100=50, n121=51),
-    **_family("tetra", 3, n10=11, n20=29, n35=30, n56=31, n84=71, n120=72, n165=73, n220=74, n286=75),
-    **_family("hexahedron", 3, n20=17, n27=12, n64=92, n125=93, n216=94, n343=95, n512=96, n729=97, n1000=98),
-    **_family("wedge", 3, n15=18, n18=13, n40=90, n75=91, n126=106, n196=107, n288=108, n405=109, n550=110),
-    **_family("pyramid", 3, n13=19, n14=14),
+    **_family("quad", 3, n8=16, n9=10, n16=36, n25=37, n36=38, n49=47, n64=48, n81=49, n100=50, n121=51),
+    **_family("tetra", 4, n10=11, n20=29, n35=30, n56=31, n84=71, n120=72, n165=73, n220=74, n286=75),
+    **_family("hexahedron", 5, n20=17, n27=12, n64=92, n125=93, n216=94, n343=95, n512=96, n729=97, n1000=98),
+    **_family("wedge", 6, n15=18, n18=13, n40=90, n75=91, n126=106, n196=107, n288=108, n405=109, n550=110),
+    **_family("pyramid", 7, n13=19, n14=14),
 }
 
 # NODE_ORDER[name][i] is the place, in Gmsh's order, of the node that meshio lists i-th.

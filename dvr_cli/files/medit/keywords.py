@@ -4,24 +4,26 @@ from __future__ import annotations
 
 from dvr_cli.mesh.cell_types import CELL_TYPES
 
-# Keyword: meshio's type of the cell, number of its nodes. Gmsh and others leave the h out of hexahedra.
-ELEMENTS: dict[str, tuple[str, int]] = {
-    "Edges": ("line", 2),
-    "Triangles": ("triangle", 3),
-    "Quadrilaterals": ("quad", 4),
-    "Tetrahedra": ("tetra", 4),
-    "Pyramids": ("pyramid", 5),
-    "Prisms": ("wedge", 6),
-    "Hexahedra": ("hexahedron", 8),
-    "Hexaedra": ("hexahedron", 8),
-    "EdgesP2": ("line3", 3),
-    "TrianglesP2": ("triangle6", 6),
-    "QuadrilateralsQ2": ("quad9", 9),
-    "TetrahedraP2": ("tetra10", 10),
-    "PyramidsP2": ("pyramid14", 14),
-    "PrismsP2": ("wedge18", 18),
-    "HexahedraQ2": ("hexahedron27", 27),
+# Keyword: meshio's type of the cell. Gmsh and others leave the h out of hexahedra.
+_CELLS = {
+    "Edges": "line",
+    "Triangles": "triangle",
+    "Quadrilaterals": "quad",
+    "Tetrahedra": "tetra",
+    "Pyramids": "pyramid",
+    "Prisms": "wedge",
+    "Hexahedra": "hexahedron",
+    "Hexaedra": "hexahedron",
+    "EdgesP2": "line3",
+    "TrianglesP2": "triangle6",
+    "QuadrilateralsQ2": "quad9",
+    "TetrahedraP2": "tetra10",
+    "PyramidsP2": "pyramid14",
+    "PrismsP2": "wedge18",
+    "HexahedraQ2": "hexahedron27",
 }
+# Keyword: meshio's type of the cell, number of its nodes.
+ELEMENTS = {keyword: (name, CELL_TYPES[name].nodes) for keyword, name in _CELLS.items()}
 
 _SQUARE = [(0, 0), (2, 0), (2, 2), (0, 2)]
 _CUBE = [(x, y, z) for z in (0, 2) for x, y in _SQUARE]

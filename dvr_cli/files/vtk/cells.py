@@ -12,44 +12,47 @@ from itertools import pairwise
 import numpy as np
 
 from dvr_cli.errors import InputError
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells
 
 VERTEX, POLY_VERTEX, LINE, POLY_LINE, TRIANGLE, POLYGON, QUAD = 1, 2, 3, 4, 5, 7, 9
 
-# VTK's number of a cell type: meshio's name and the number of nodes.
+# VTK's number of a cell type: meshio's name.
 _TYPES = {
-    VERTEX: ("vertex", 1),
-    LINE: ("line", 2),
-    TRIANGLE: ("triangle", 3),
-    8: ("quad", 4),  # VTK_PIXEL
-    QUAD: ("quad", 4),
-    10: ("tetra", 4),
-    11: ("hexahedron", 8),  # VTK_VOXEL
-    12: ("hexahedron", 8),
-    13: ("wedge", 6),
-    14: ("pyramid", 5),
-    15: ("penta_prism", 10),
-    16: ("hexa_prism", 12),
-    21: ("line3", 3),
-    22: ("triangle6", 6),
-    23: ("quad8", 8),
-    24: ("tetra10", 10),
-    25: ("hexahedron20", 20),
-    26: ("wedge15", 15),
-    27: ("pyramid13", 13),
-    28: ("quad9", 9),
-    29: ("hexahedron27", 27),
-    30: ("quad6", 6),
-    31: ("wedge12", 12),
-    32: ("wedge18", 18),
-    33: ("hexahedron24", 24),
-    34: ("triangle7", 7),
-    35: ("line4", 4),
+    VERTEX: "vertex",
+    LINE: "line",
+    TRIANGLE: "triangle",
+    8: "quad",  # VTK_PIXEL
+    QUAD: "quad",
+    10: "tetra",
+    11: "hexahedron",  # VTK_VOXEL
+    12: "hexahedron",
+    13: "wedge",
+    14: "pyramid",
+    15: "penta_prism",
+    16: "hexa_prism",
+    21: "line3",
+    22: "triangle6",
+    23: "quad8",
+    24: "tetra10",
+    25: "hexahedron20",
+    26: "wedge15",
+    27: "pyramid13",
+    28: "quad9",
+    29: "hexahedron27",
+    30: "quad6",
+    31: "wedge12",
+    32: "wedge18",
+    33: "hexahedron24",
+    34: "triangle7",
+    35: "line4",
 }
+# How many nodes those have that are no cell types of dvr.
+_OTHER_NODES = {"penta_prism": 10, "hexa_prism": 12, "quad6": 6, "wedge12": 12, "hexahedron24": 24}
 _MAX_BLOCKS = 1000
 _NODE_ORDER = {8: [0, 1, 3, 2], 11: [0, 1, 3, 2, 4, 5, 7, 6], 13: [0, 2, 1, 3, 5, 4]}
 # The way back: VTK's number of a type of meshio's, and the place in meshio's order of each node in VTK's.
-VTK_TYPE = {name: number for number, (name, _) in _TYPES.items() if number not in (8, 11)}
+VTK_TYPE = {name: number for number, name in _TYPES.items() if number not in (8, 11)}
 VTK_ORDER = {"wedge": np.argsort(_NODE_ORDER[13]).tolist()}
 _UNSUPPORTED = {
     0: "empty cells",
@@ -176,7 +179,7 @@ def blocks_of(
                 f"cell {number[first + row]} names point {vertices[row, column]}, "
                 f"but there are {n_points} points, counted from 0"
             )
-        blocks.append(Cells("polygon" if kind == POLYGON else _TYPES[kind][0], vertices))
+        blocks.append(Cells("polygon" if kind == POLYGON else _TYPES[kind], vertices))
         numbers.append(number[first:last])
     return blocks, numbers
 
@@ -215,12 +218,12 @@ def _check_types(types: np.ndarray) -> None:
 
 def _check_sizes(types: np.ndarray, sizes: np.ndarray, number: np.ndarray) -> None:
     right = np.zeros(max(_TYPES) + 1, dtype=np.int64)
-    for kind, (_, nodes) in _TYPES.items():
-        right[kind] = nodes
+    for kind, name in _TYPES.items():
+        right[kind] = _OTHER_NODES[name] if name in _OTHER_NODES else CELL_TYPES[name].nodes
     wrong = np.where(types == POLYGON, sizes < 3, sizes != right[types])
     if wrong.any():
         i = int(np.argmax(wrong))
-        name = _TYPES.get(int(types[i]), ("polygon", 0))[0]
+        name = _TYPES.get(int(types[i]), "polygon")
         raise InputError(f"cell {number[i]} is a {name}, but has {sizes[i]} nodes")
 
 
