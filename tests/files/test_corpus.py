@@ -189,4 +189,4 @@ def test_damaged_files_through_the_whole_command(tmp_path, damaged_files):
             assert report.after.inverted <= report.before.inverted
             written += 1
     assert several_lines == 0
-    assert min(written, refused) > 100  # both happen, or the damage is not of the right kind
+    assert min(written, refused) > damaged_files / 5  # both happen, or the damage is not of the right kind
