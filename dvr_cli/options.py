@@ -35,6 +35,12 @@ class Values:
     must: str = ""
 
 
+# measures of cells beside the mean ratio, see quality/cell_measures.py
+CELL_MEASURES = (
+    *("scaled-jacobian", "aspect-ratio", "skewness", "min-angle", "max-angle"),
+    *("non-orthogonality", "face-skewness"),
+)
+
 SWITCH = Values(bool)
 TEXT = Values(str)
 TEXTS = Values(str, many=True)
@@ -524,12 +530,36 @@ TABLE = (
     ),
     Option("worst", COUNT, 10, "List the N worst elements.", ("quality",), "N", panel="Reports"),
     Option(
-        "fail_below",
-        QUALITY,
+        "measure",
+        Values(str, names=CELL_MEASURES),
         None,
-        "Exit with code 1 if the worst quality is below Q.",
+        "Draw the histogram and list the worst elements by this measure instead of the mean ratio, and with "
+        f"--csv print its value for each cell: {', '.join(CELL_MEASURES)}.",
         (*RUNS, "quality"),
-        "Q",
+        "NAME",
+        variants=dict.fromkeys(
+            RUNS,
+            Variant(help=f"With --quality-field: write this measure instead: {', '.join(CELL_MEASURES)}."),
+        ),
+        panel="Reports",
+    ),
+    Option(
+        "fail_below",
+        TEXTS,
+        None,
+        "Exit with code 1 if the worst quality is below Q, or the smallest value of a measure below VALUE. "
+        "Can be repeated.",
+        (*RUNS, "quality"),
+        "Q|NAME=VALUE",
+        panel="Reports",
+    ),
+    Option(
+        "fail_above",
+        TEXTS,
+        None,
+        "Exit with code 1 if the largest value of a measure is above VALUE. Can be repeated.",
+        (*RUNS, "quality"),
+        "NAME=VALUE",
         panel="Reports",
     ),
     Option(

@@ -20,6 +20,7 @@ from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.region_choice import RegionChoice
 from dvr_cli.options import check_names, default
+from dvr_cli.quality.cell_measures import CELL_MEASURES, distribution, summaries
 from dvr_cli.quality.measure import measure
 from dvr_cli.report.compare import Comparison, compare_qualities
 from dvr_cli.report.records import QualityReport, ShapeUse, SmoothReport, summarise
@@ -117,9 +118,16 @@ def compare(before: Any, *after: Any, metric: str | Path | np.ndarray | None = N
 
 
 def mesh_quality(
-    mesh: Mesh, worst: int = 10, regions: RegionChoice = (), metric: MetricSource | None = None
+    mesh: Mesh,
+    worst: int = 10,
+    regions: RegionChoice = (),
+    metric: MetricSource | None = None,
+    by_measure: str | None = None,
 ) -> QualityReport:
-    """The quality report of a Mesh; relaxed are the vertices that ``smooth`` moves by default."""
+    """The quality report of a Mesh; relaxed are the vertices that ``smooth`` moves by default.
+
+    by_measure: the name of the measure whose worst cells and histogram are wanted, too.
+    """
     domain = domain_of(mesh, regions=regions)
     if metric is not None:
         shapes = shaped(domain, "ideal", metric.tensors(mesh))
@@ -131,7 +139,9 @@ def mesh_quality(
     mode = "auto" if metric is None else "metric"
     stretched = ShapeUse(mode, shapes.kept, shapes.max_aspect) if shapes.kept or metric else None
     summary = summarise(mesh, domain, moves.constraints)
-    return QualityReport(summary, len(moves.relaxed), quality, stretched)
+    by = None if by_measure is None else distribution(domain, mesh.points, CELL_MEASURES[by_measure], worst)
+    others = summaries(domain, mesh.points)
+    return QualityReport(summary, len(moves.relaxed), quality, stretched, others, by)
 
 
 def compare_meshes(meshes: Sequence[Mesh], metric: MetricSource | None = None) -> Comparison:

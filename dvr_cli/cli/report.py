@@ -10,6 +10,7 @@ import typer
 
 from dvr_cli.cli.codes import DONE, GATE_FAILED
 from dvr_cli.cli.files import PICTURES, check, write_picture
+from dvr_cli.cli.gates import failures, gates_of
 from dvr_cli.cli.help import example
 from dvr_cli.cli.options import naming, takes_options
 from dvr_cli.cli.streams import bar, columns, emit, say
@@ -37,11 +38,13 @@ def quality(
     """
     from dvr_cli.api import SmoothOptions, mesh_quality
     from dvr_cli.files.reading import open_mesh
-    from dvr_cli.report.export import as_csv, as_json
+    from dvr_cli.quality.cell_measures import measure_field
+    from dvr_cli.report.export import as_csv, as_json, cells_as_csv
     from dvr_cli.report.table import quality_table
-    from dvr_cli.report.text import gate_failure, quality_text
+    from dvr_cli.report.text import quality_text
 
-    json, csv, plot, fail_below = given["json"], given["csv"], given["plot"], given["fail_below"]
+    json, csv, plot, name = given["json"], given["csv"], given["plot"], given["measure"]
+    gates = gates_of(given)
     if json and csv:
         raise UsageError("--json and --csv exclude each other")
     if plot is not None:
@@ -49,22 +52,24 @@ def quality(
     mesh = open_mesh(path, given["input_format"], given["mesh"]).mesh
     metric = SmoothOptions(metric=given["metric"]).metric_source
     with naming(path):
-        report = mesh_quality(mesh, given["worst"], given["regions"] or (), metric)
+        chosen = given["regions"] or ()
+        report = mesh_quality(mesh, given["worst"], chosen, metric, name)
+        failed = failures(gates, mesh, mesh.points, report.quality)
     if plot is not None:
         text = quality_text(report, str(path), "█")
         write_picture(plot, mesh, {path.name: (mesh.points, report.quality)}, str(path), text)
     if json:
         emit(as_json(report.record(str(path))))
     elif csv:
-        emit(as_csv(report.quality))
+        field = None if name is None else measure_field(mesh, name, mesh.points)
+        emit(as_csv(report.quality) if field is None else cells_as_csv(mesh, field))
     elif width := columns(sys.stdout):
         emit(quality_text(report, str(path), bar(), width))
     else:
         emit(quality_table(report, str(path)))
-    if fail_below is not None and report.quality.minimum < fail_below:
-        say(f"dvr: {path}: {gate_failure(report.quality, fail_below)}")
-        return GATE_FAILED
-    return DONE
+    for text in failed:
+        say(f"dvr: {path}: {text}")
+    return GATE_FAILED if failed else DONE
 
 
 @takes_options("compare")

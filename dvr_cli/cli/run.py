@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from dvr_cli.cli.codes import DONE, GATE_FAILED, INTERRUPTED
 from dvr_cli.cli.files import PICTURES, check, write_picture
+from dvr_cli.cli.gates import failures, gates_of
 from dvr_cli.cli.interrupt import Interrupt
 from dvr_cli.cli.options import naming
 from dvr_cli.cli.progress import Progress
@@ -42,16 +43,20 @@ def run(
     """
     from dvr_cli.files import writing
     from dvr_cli.files.reading import open_mesh
+    from dvr_cli.quality.cell_measures import measure_field
     from dvr_cli.quality.measure import cell_field
     from dvr_cli.relax.engines.choice import has_numba
     from dvr_cli.report.export import as_csv, as_json
-    from dvr_cli.report.text import gate_failure, smooth_text
+    from dvr_cli.report.text import smooth_text
 
     report, no_report, plot = given["report"], given["no_report"], given["plot"]
     output_format, quality_field = given["output_format"], given["quality_field"]
-    fail_below, quiet, verbose = given["fail_below"], given["quiet"], given.get("verbose", False)
+    gates, measure = gates_of(given), given["measure"]
+    quiet, verbose = given["quiet"], given.get("verbose", False)
     if quiet and verbose:
         raise UsageError("--quiet and --verbose exclude each other")
+    if measure is not None and not quality_field:
+        raise UsageError("--measure needs --quality-field, which it names and fills")
     if report is not None and no_report:
         raise UsageError("--report and --no-report exclude each other")
     writing.output_format_of(output, output_format)
@@ -67,7 +72,9 @@ def run(
     with Progress(quiet, verbose) as progress:
         progress.show(f"reading {source}")
         opened = open_mesh(source, given["input_format"], given["mesh"])
-        destination = writing.Output(opened, output, output_format, "quality" if quality_field else None)
+        destination = writing.Output(
+            opened, output, output_format, (measure or "quality") if quality_field else None
+        )
         progress.show("preparing")
         with Interrupt() as interrupt:
             with naming(source), naming(output, OutputError):
@@ -77,9 +84,12 @@ def run(
                     on_sweep=progress.sweep,
                     interrupted=lambda: interrupt.requested,
                 )
+                failed = failures(gates, opened.mesh, points, result.after)
+                if measure is not None:
+                    destination.fill(measure_field(opened.mesh, measure, points), points)
+                elif quality_field:
+                    destination.fill(cell_field(opened.mesh, result.after.elements), points)
             progress.show(f"writing {output}")
-            if quality_field:
-                destination.fill(cell_field(opened.mesh, result.after), points)
             destination.write(points)
             if report is not None and not page:
                 csv = report.suffix.lower() == ".csv"
@@ -103,7 +113,6 @@ def run(
             say(f"picture: {plot}")
     if interrupt.requested:
         return INTERRUPTED
-    if fail_below is not None and result.after.minimum < fail_below:
-        say(f"dvr: {gate_failure(result.after, fail_below)}")
-        return GATE_FAILED
-    return DONE
+    for text in failed:
+        say(f"dvr: {text}")
+    return GATE_FAILED if failed else DONE

@@ -135,12 +135,12 @@ def _by_corner(domain: Domain, flat: np.ndarray, inverted: np.ndarray | None) ->
     return corner_qualities(flat, corners, domain.backend, inverted)
 
 
-def cell_field(mesh: Mesh, quality: Quality) -> list[np.ndarray]:
-    """The quality of each cell, one array a block of the mesh; NaN for cells of lower dimension."""
+def cell_field(mesh: Mesh, values: np.ndarray) -> list[np.ndarray]:
+    """Values (n,) of the cells of a mesh's domain, one array a block; NaN for cells of lower dimension."""
     start = np.cumsum([0, *(len(block.vertices) for block in mesh.cells)])
     field = np.full(start[-1], np.nan)
     domain = domain_of(mesh, straighten=True)
-    field[domain.cell_ids] = quality.elements
+    field[domain.cell_ids] = values
     field[domain.repeated[:, 0]] = field[domain.repeated[:, 1]]
     return np.split(field, start[1:-1])
 
@@ -160,7 +160,7 @@ def _q1_element(
         return None
     corner = int(np.where(touched, by_corner, np.inf).argmin())
     cell = domain.corners.cell_of(corner)
-    return _element(domain, points, elements, cell)
+    return element_of(domain, points, elements, cell)
 
 
 def _worst(domain: Domain, points: np.ndarray, elements: np.ndarray, number: int) -> list[Element]:
@@ -169,11 +169,11 @@ def _worst(domain: Domain, points: np.ndarray, elements: np.ndarray, number: int
     # ties at the edge of the list would depend on the partition: take all of them, then sort by id
     candidates = np.flatnonzero(elements <= elements[candidates].max()) if number else candidates
     ordered = candidates[np.lexsort((candidates, elements[candidates]))][:number]
-    return [_element(domain, points, elements, int(cell)) for cell in ordered]
+    return [element_of(domain, points, elements, int(cell)) for cell in ordered]
 
 
-def _element(domain: Domain, points: np.ndarray, elements: np.ndarray, cell: int) -> Element:
-    """The element with number ``cell`` among those of the domain."""
+def element_of(domain: Domain, points: np.ndarray, elements: np.ndarray, cell: int) -> Element:
+    """The element with number ``cell`` among those of the domain; elements: (n,) the value of each."""
     start = np.cumsum([0, *(len(block.vertices) for block in domain.cells)])
     block = int(np.searchsorted(start, cell, side="right")) - 1
     vertices = domain.cells[block].vertices[cell - start[block]]

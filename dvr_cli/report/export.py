@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.measure import Quality
 
 
@@ -20,3 +23,18 @@ def as_csv(quality: Quality) -> str:
     pairs = zip(quality.vertices.tolist(), quality.vector.tolist(), strict=True)
     rows = (f"{rank},{vertex},{value!r}" for rank, (vertex, value) in enumerate(pairs, start=1))
     return "\n".join(["rank,vertex,quality", *rows])
+
+
+def cells_as_csv(mesh: Mesh, values: Sequence[np.ndarray]) -> str:
+    """Values of cells as CSV: cell (from 0 through all cells of the file), its type and its value.
+
+    values: one array a block of the mesh, see ``measure.cell_field``; cells without a value are left out.
+    """
+    start = np.cumsum([0, *(len(block.vertices) for block in mesh.cells)]).tolist()
+    rows = [
+        f"{cell},{block.type},{value!r}"
+        for first, block, part in zip(start, mesh.cells, values, strict=False)
+        for cell, value in enumerate(part.tolist(), start=first)
+        if value == value  # not NaN
+    ]
+    return "\n".join(["cell,type,value", *rows])

@@ -13,6 +13,7 @@ from dvr_cli.boundary.constraints import Constraints
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.region_choice import Divider
+from dvr_cli.quality.cell_measures import Distribution, Summary, by_quality
 from dvr_cli.quality.limits import Limit
 from dvr_cli.quality.measure import Quality
 from dvr_cli.quality.measures import units
@@ -93,13 +94,21 @@ class ShapeUse:
 class QualityReport:
     """The report of ``dvr report quality``.
 
-    stretched: the cells that ``--shape auto`` would keep, or the metric; None if there is neither.
+    stretched: the cells that ``--shape auto`` would keep, or the metric; None if there is neither. measures:
+    those beside the mean ratio. by: the cells by the measure that was asked for, None for the mean ratio.
     """
 
     mesh: MeshSummary
     relaxed: int
     quality: Quality
     stretched: ShapeUse | None = None
+    measures: list[Summary] = field(default_factory=list)
+    by: Distribution | None = None
+
+    @property
+    def distribution(self) -> Distribution:
+        """The cells by the measure that was asked for, or by the mean ratio."""
+        return self.by or by_quality(self.quality)
 
     def record(self, path: str | None = None) -> dict[str, Any]:
         """The report as JSON-ready data, schema dvr.quality/1."""
@@ -111,6 +120,8 @@ class QualityReport:
             "units": _units(),
             "quality": _quality_record(self.quality),
             "stretched": None if self.stretched is None else asdict(self.stretched),
+            "measures": {summary.measure.name: _summary_record(summary) for summary in self.measures},
+            "by_measure": None if self.by is None else _distribution_record(self.by),
             "quality_vector": self.quality.vector.tolist(),
         }
 
@@ -234,6 +245,27 @@ def _orphans(mesh: Mesh) -> int:
     for block in mesh.cells:
         used[block.vertices] = True
     return int(len(used) - used.sum())
+
+
+def _summary_record(summary: Summary) -> dict[str, Any]:
+    return {
+        "unit": summary.measure.unit,
+        "worst": summary.worst,
+        "mean": summary.mean,
+        "quantiles_from_worst": {f"{q:g}": value for q, value in summary.quantiles.items()},
+    }
+
+
+def _distribution_record(by: Distribution) -> dict[str, Any]:
+    return {
+        "measure": by.measure and by.measure.name,
+        "edges": by.edges.tolist(),
+        "histogram": by.counts.tolist(),
+        "worst": [
+            {"cell_type": w.cell_type, "cell": w.cell, "value": w.quality, "centroid": w.centroid}
+            for w in by.worst
+        ],
+    }
 
 
 def _quality_record(quality: Quality) -> dict[str, Any]:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from dvr_cli.quality.measures import labelled
 
 if TYPE_CHECKING:
+    from dvr_cli.quality.cell_measures import Distribution, Summary
     from dvr_cli.quality.measure import Element, Quality
     from dvr_cli.report.records import QualityReport
 
 Value = float | int | None
+MEASURE_COLUMNS = ("worst", "1 %", "10 %", "50 %", "mean")  # quantiles are counted from the worst cell
 
 
 def mesh_rows(report: QualityReport) -> list[tuple[str, int]]:
@@ -46,11 +50,25 @@ def remarks(quality: Quality) -> dict[str, str]:
     return result
 
 
-def histogram_rows(quality: Quality) -> list[tuple[str, int]]:
-    """The rows of the histogram: range of qualities and number of elements."""
-    n = len(quality.histogram)
-    labels = [f"below {1 / n:.2f}", *(f"{i / n:.2f} - {(i + 1) / n:.2f}" for i in range(1, n))]
-    return list(zip(labels, quality.histogram.tolist(), strict=True))
+def histogram_rows(distribution: Distribution) -> list[tuple[str, int]]:
+    """The rows of the histogram: range of values and number of elements."""
+    edges = distribution.edges.tolist()
+    digits = ".2f" if distribution.measure is None else ".4g"
+    labels = [f"{low:{digits}} - {high:{digits}}" for low, high in pairwise(edges)]
+    if distribution.measure is None:
+        labels[0] = f"below {edges[1]:{digits}}"
+    return list(zip(labels, distribution.counts.tolist(), strict=True))
+
+
+def measure_rows(summaries: Sequence[Summary]) -> list[tuple[str, list[float]]]:
+    """The rows of other measures, below MEASURE_COLUMNS: label, and worst, quantiles and mean."""
+    return [
+        (
+            f"{s.measure.name}{' (deg)' if s.measure.unit == 'deg' else ''}",
+            [s.worst, *s.quantiles.values(), s.mean],
+        )
+        for s in summaries
+    ]
 
 
 def place(element: Element, digits: int) -> str:

@@ -7,7 +7,16 @@ from collections.abc import Sequence
 from dvr_cli.report.advice import advice
 from dvr_cli.report.compare import Comparison
 from dvr_cli.report.records import QualityReport
-from dvr_cli.report.rows import Value, histogram_rows, mesh_rows, place, quality_rows, remarks
+from dvr_cli.report.rows import (
+    MEASURE_COLUMNS,
+    Value,
+    histogram_rows,
+    measure_rows,
+    mesh_rows,
+    place,
+    quality_rows,
+    remarks,
+)
 from dvr_cli.report.text import notes, shape_notes
 
 
@@ -21,10 +30,15 @@ def quality_table(report: QualityReport, path: str) -> str:
         (name, _exact(value), remark_on.get(name, ""))
         for name, value in quality_rows(report.quality, report.mesh.dimension)
     ]
-    rows += [(f"elements {label}", str(count)) for label, count in histogram_rows(report.quality)]
     rows += [
-        (f"worst {i}", repr(w.quality), place(w, 6)) for i, w in enumerate(report.quality.worst, start=1)
+        (f"{name} {column}", repr(value))
+        for name, values in measure_rows(report.measures)
+        for column, value in zip(MEASURE_COLUMNS, values, strict=True)
     ]
+    by = report.distribution
+    rows += [("judged by", by.measure.name)] if by.measure is not None else []
+    rows += [(f"elements {label}", str(count)) for label, count in histogram_rows(by)]
+    rows += [(f"worst {i}", repr(w.quality), place(w, 6)) for i, w in enumerate(by.worst, start=1)]
     said = [*notes(report.mesh, report.quality), *shape_notes(report)]
     rows += [("advice", advice(report)), *(("note", note) for note in said)]
     return _lines(rows)

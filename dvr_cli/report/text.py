@@ -9,9 +9,19 @@ from typing import TYPE_CHECKING
 from dvr_cli.relax.phases import PolishPhase
 from dvr_cli.relax.stopping import StopReason
 from dvr_cli.report.advice import advice
-from dvr_cli.report.rows import Value, histogram_rows, mesh_rows, place, quality_rows, remarks
+from dvr_cli.report.rows import (
+    MEASURE_COLUMNS,
+    Value,
+    histogram_rows,
+    measure_rows,
+    mesh_rows,
+    place,
+    quality_rows,
+    remarks,
+)
 
 if TYPE_CHECKING:
+    from dvr_cli.quality.cell_measures import Distribution, Summary
     from dvr_cli.quality.limits import Limit
     from dvr_cli.quality.measure import Quality
     from dvr_cli.report.compare import Comparison
@@ -19,6 +29,7 @@ if TYPE_CHECKING:
 
 WIDTH = 80  # columns where nobody says how many there are
 _LABEL = 19  # columns of a row's label
+_MEASURE = 23  # columns of the name of a measure
 _VALUE = 9  # columns of a value
 _LISTED = 6  # fields and sets that a note lists
 _BAR = 50  # columns of the longest bar of a histogram
@@ -36,10 +47,13 @@ def quality_text(report: QualityReport, path: str, bar: str = "#", width: int = 
     remark_on = remarks(quality)
     for name, value in quality_rows(quality, mesh.dimension):
         lines += _with_remark(_row(name, value), remark_on.get(name, ""), width)
-    lines += ["", "elements by quality", *_histogram(quality, bar, width)]
-    if quality.worst:
-        lines += ["", "worst elements (numbered from 0 through all cells of the file)"]
-        for element in quality.worst:
+    lines += _measures(report.measures)
+    by = report.distribution
+    name = "quality" if by.measure is None else by.measure.label
+    lines += ["", f"elements by {name}", *_histogram(by, bar, width)]
+    if by.worst:
+        lines += ["", f"worst elements by {name} (numbered from 0 through all cells of the file)"]
+        for element in by.worst:
             lines += _with_remark(f"  {_digits(element.quality):>{_VALUE}}", place(element, 6), width)
     lines += ["", f"advice: {advice(report)}", *_note_lines(mesh, quality)]
     lines += [f"note: {note}" for note in shape_notes(report)]
@@ -139,9 +153,9 @@ def sweep_line(
     return f"sweep {sweep:3d}{name}  Q1 {_digits(q1)}{average}  moved {moved}  {seconds:.2f} s"
 
 
-def gate_failure(quality: Quality, limit: float) -> str:
-    """The reason for which the quality gate at ``limit`` failed."""
-    return f"the worst quality, {_digits(quality.minimum)}, is below {limit:g}"
+def gate_failure(name: str, value: float, limit: float, below: bool) -> str:
+    """The reason for which the gate at ``limit`` failed; below: on that side of it."""
+    return f"the {name}, {_digits(value)}, is {'below' if below else 'above'} {limit:g}"
 
 
 def _side_by_side(before: Quality, after: Quality, dimension: int) -> list[str]:
@@ -340,14 +354,27 @@ def _dividers(mesh: MeshSummary) -> str:
     return ", ".join([*texts[:_LISTED], *more])
 
 
-def _histogram(quality: Quality, bar: str, width: int) -> list[str]:
-    most = max(count for _, count in histogram_rows(quality))
-    digits = len(str(most))
-    longest = min(_BAR, max(width - 17 - digits, 5))
+def _measures(summaries: Sequence[Summary]) -> list[str]:
+    """The block of other measures."""
+    rows: list[tuple[str, tuple[str, ...]]] = [("other measures", MEASURE_COLUMNS)]
+    rows += [
+        (name, tuple(_digits(value, name) for value in values)) for name, values in measure_rows(summaries)
+    ]
+    return [
+        "",
+        *(f"  {name:<{_MEASURE}}" + "".join(f"{v:>{_VALUE}}" for v in values) for name, values in rows),
+    ]
+
+
+def _histogram(distribution: Distribution, bar: str, width: int) -> list[str]:
+    rows = histogram_rows(distribution)
+    most = max(count for _, count in rows)
+    digits, labels = len(str(most)), max(len(label) for label, _ in rows)
+    longest = min(_BAR, max(width - 6 - labels - digits, 5))
     # rounded up: no element goes unseen
     return [
-        f"  {label:>11}  {count:>{digits}}  {bar * -(-count * longest // most)}".rstrip()
-        for label, count in histogram_rows(quality)
+        f"  {label:>{labels}}  {count:>{digits}}  {bar * -(-count * longest // most)}".rstrip()
+        for label, count in rows
     ]
 
 

@@ -27,6 +27,13 @@ quality (mean ratio: 1 ideal, 0 degenerate, below 0 inverted)
   min angle (deg)         7.13
   max angle (deg)       146.31
 
+  other measures             worst      1 %     10 %     50 %     mean
+  scaled-jacobian           0.1432   0.1464   0.1754   0.5088   0.5060
+  aspect-ratio              5.8596   5.7767   5.0308   2.2025   2.8680
+  skewness                  0.8812   0.8785   0.8542   0.5486   0.5431
+  min-angle (deg)             7.13     7.29     8.75    27.08    27.41
+  max-angle (deg)           146.31   145.04   133.63    93.46   102.67
+
 elements by quality
    below 0.05  0
   0.05 - 0.10  0
@@ -49,7 +56,7 @@ elements by quality
   0.90 - 0.95  1  ##################################################
   0.95 - 1.00  0
 
-worst elements (numbered from 0 through all cells of the file)
+worst elements by quality (numbered from 0 through all cells of the file)
      0.2038  triangle 2 at (0.6, 0.966667, 0)
      0.3646  triangle 1 at (0.933333, 0.633333, 0)
 
@@ -234,6 +241,50 @@ def test_the_quality_gate(dvr, tmp_path, limit, code, form):
     assert result.code == code
     assert result.out
     assert result.err == (f"dvr: {path}: the worst quality, 0.2038, is below 0.21\n" if code else "")
+
+
+def test_gates_of_measures_and_their_cells(dvr, tmp_path):
+    path = fan(tmp_path / "mesh.msh")
+    measures = read_json(dvr("report", "quality", path, "--json").out)["measures"]
+    least, most = measures["min-angle"]["worst"], measures["max-angle"]["worst"]
+    assert (least, most) == pytest.approx((7.125, 146.31), abs=1e-2)
+    assert measures["max-angle"]["unit"] == "deg"
+    passing = ["--fail-below", f"min-angle={least}", "--fail-above", f"max-angle={most}"]
+    assert dvr("report", "quality", path, *passing).code == 0
+    failing = ["--fail-below", "min-angle=8", "--fail-above", "max-angle=146", "--fail-below", "0.3"]
+    result = dvr("report", "quality", path, *failing)
+    assert result.code == 1
+    assert result.err.splitlines() == [
+        f"dvr: {path}: the smallest min-angle, 7.1250, is below 8",
+        f"dvr: {path}: the worst quality, 0.2038, is below 0.3",
+        f"dvr: {path}: the largest max-angle, 146.3099, is above 146",
+    ]
+    by = read_json(dvr("report", "quality", path, "--json", "--measure", "min-angle", "--worst", "1").out)
+    assert by["by_measure"]["measure"] == "min-angle"
+    assert [worst["value"] for worst in by["by_measure"]["worst"]] == [least]
+    rows = dvr("report", "quality", path, "--csv", "--measure", "min-angle").out.splitlines()
+    assert rows[0] == "cell,type,value"
+    assert sorted(float(row.split(",")[2]) for row in rows[1:])[0] == least
+    result = dvr("report", "quality", path, "--measure", "non-orthogonality")
+    assert_one_line(result, 3, "volume cells")
+
+
+def test_a_gate_after_smoothing_looks_at_the_result(dvr, tmp_path):
+    path = fan(tmp_path / "mesh.msh")
+    result = dvr(
+        "smooth",
+        path,
+        tmp_path / "out.msh",
+        "-q",
+        "--fail-below",
+        "min-angle=44",
+        "--fail-above",
+        "skewness=0.26",
+    )
+    assert (result.code, result.err) == (0, "")
+    result = dvr("smooth", path, tmp_path / "out.msh", "-q", "--fail-below", "min-angle=46")
+    assert result.code == 1
+    assert "the smallest min-angle, 45.0000, is below 46" in result.err
 
 
 def test_comparing_with_a_better_mesh(dvr, terminal, tmp_path):

@@ -29,6 +29,12 @@ from dvr_cli.relax.schedule import ORDERS
         (["report", "quality", "IN", "--plot", "p.jpg"], "p.jpg"),
         (["report", "compare", "IN", "IN", "--plot", "p"], "p"),
         (["report", "quality", "IN", "--fail-below", "nan"], "--fail-below"),
+        (["report", "quality", "IN", "--fail-below", "2"], "--fail-below"),
+        (["report", "quality", "IN", "--fail-below", "smoothness=1"], "smoothness"),
+        (["report", "quality", "IN", "--fail-above", "0.5"], "--fail-above"),
+        (["report", "quality", "IN", "--fail-above", "skewness=inf"], "inf"),
+        (["report", "quality", "IN", "--measure", "beauty"], "--measure"),
+        (["smooth", "IN", "OUT", "--measure", "skewness"], "--quality-field"),
         (["report", "quality", "IN", "--input-format", "cuneiform"], "cuneiform"),
         (["morph"], "IN"),
         (["morph", "IN"], "OUT"),
@@ -231,7 +237,8 @@ def test_help_in_a_terminal_says_the_same(dvr, monkeypatch):
     assert "╭─ Boundary and regions ─" in drawn
 
     def words(text):
-        return set(re.findall(r"[\w.-]+", text))
+        text = re.sub(r"-[\s│]*\n[\s│]*", "-", text)  # a line may end behind a hyphen
+        return {word.strip(".") for word in re.findall(r"[\w.-]+", text)}
 
     assert words(plain) - words(drawn) == set()
     assert "(needs dvr-cli[plot])" in re.sub(r"[\s│]+", " ", drawn)
@@ -273,7 +280,9 @@ SMOOTH = {
     "--no-report": [],
     "--input-format": ["gmsh"],
     "--output-format": ["vtk"],
-    "--fail-below": ["-1"],
+    "--measure": ["skewness", "--quality-field", "--output-format", "vtu"],
+    "--fail-below": ["-1", "--fail-below", "min-angle=0"],
+    "--fail-above": ["max-angle=180"],
     "--quiet": [],
     "--verbose": [],
     "--debug": [],
@@ -304,7 +313,9 @@ MORPH = {
             "--no-report",
             "--input-format",
             "--output-format",
+            "--measure",
             "--fail-below",
+            "--fail-above",
             "--quiet",
             "--verbose",
             "--debug",
@@ -325,7 +336,9 @@ UNTANGLE = {
     "--straighten": [],
     "--input-format": ["gmsh"],
     "--output-format": ["vtk"],
+    "--measure": ["aspect-ratio", "--quality-field", "--output-format", "vtu"],
     "--fail-below": ["-1"],
+    "--fail-above": ["aspect-ratio=1e9"],
     "--quiet": [],
     "--debug": [],
 }
@@ -336,7 +349,9 @@ QUALITY = {
     "--csv": [],
     "--plot": ["{folder}/p.png"],
     "--worst": ["3"],
+    "--measure": ["min-angle"],
     "--fail-below": ["0.1"],
+    "--fail-above": ["max-angle=179"],
     "--input-format": ["gmsh"],
     "--debug": [],
 }

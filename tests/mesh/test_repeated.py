@@ -52,7 +52,7 @@ def test_a_mesh_with_repetition_is_relaxed_and_measured_as_without(kind):
 def test_each_copy_has_its_quality_in_the_field():
     mesh = with_repetition(random_mesh("triangle", 0), 1)
     domain = domain_of(mesh)
-    first, again = cell_field(mesh, measure(domain, mesh.points, np.flatnonzero(domain.interior)))
+    first, again = cell_field(mesh, measure(domain, mesh.points, np.flatnonzero(domain.interior)).elements)
     of = {frozenset(v): q for v, q in zip(mesh.cells[0].vertices.tolist(), first, strict=True)}
     assert [of[frozenset(v)] for v in mesh.cells[1].vertices.tolist()] == again.tolist()
 
