@@ -9,7 +9,6 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from dvr_cli.cli.streams import say
-from dvr_cli.report.text import sweep_line
 
 if TYPE_CHECKING:
     from dvr_cli.relax.sweeps import Sweep
@@ -36,6 +35,8 @@ class Progress:
 
     def sweep(self, sweep: Sweep) -> None:
         """Show what a sweep did."""
+        from dvr_cli.report.text import sweep_line  # not before: help and wrong options need no NumPy
+
         if self._verbose:
             say(sweep_line(**asdict(sweep)))
         else:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvr_cli.quality.limits import FAIR
+
 if TYPE_CHECKING:
     from dvr_cli.report.records import QualityReport
 
 
 def advice(report: QualityReport) -> str:
     """One line on what would help the worst element."""
-    from dvr_cli.quality.limits import FAIR  # not before: help and wrong options need no NumPy
-
     quality = report.quality
     poor = quality.inverted + quality.degenerate
     if quality.minimum >= FAIR:
