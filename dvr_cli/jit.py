@@ -5,13 +5,16 @@ Importing this module imports numba; only what has decided to compile does so.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from types import FunctionType, MappingProxyType, ModuleType
 from typing import Any, TypeVar
 
-from numba import njit
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 # IEEE arithmetic as written: nothing fused or reassociated, division by zero as in NumPy. No entry point for
@@ -38,6 +41,49 @@ def inlined(function: _Function) -> _Function:
     cannot call it: to compile an entry for that takes time.
     """
     return compiled(function, forceinline=True, no_cpython_wrapper=True)
+
+
+@intrinsic
+def bare(_: Any, arrays: Any) -> Any:
+    """The same array, or named tuple of arrays, without an owner, for use in compiled functions only.
+
+    Passing it on counts no references, which otherwise costs more than most functions do; whoever calls the
+    kernel keeps the arrays alive.
+    """
+
+    def without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+        array = context.make_array(kind)(context, builder, value)
+        array.meminfo = cgutils.get_null_value(array.meminfo.type)
+        array.parent = cgutils.get_null_value(array.parent.type)
+        return array._getvalue()
+
+    def made(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        if isinstance(arrays, types.Array):
+            return without_owner(context, builder, arrays, args[0])
+        members = [
+            without_owner(context, builder, kind, builder.extract_value(args[0], i))
+            for i, kind in enumerate(arrays.types)
+        ]
+        return context.make_tuple(builder, arrays, members)
+
+    return arrays(arrays), made
+
+
+def compiled_over(
+    module: ModuleType, entries: Collection[str], names: Mapping[str, Any] = MappingProxyType({})
+) -> dict[str, Any]:
+    """The functions that a module defines, compiled: kernels that are written once, in plain Python.
+
+    entries: those that are called from Python, too. names: what they take for names that the module imports,
+    where it is something else that is compiled.
+    Returns all names of the module, by which its functions know each other.
+    """
+    known = {**vars(module), **{name: value for name, value in names.items() if name in vars(module)}}
+    for name, value in vars(module).items():
+        if isinstance(value, FunctionType) and value.__module__ == module.__name__:
+            twin = FunctionType(value.__code__, known, name, value.__defaults__)
+            known[name] = compiled(twin, no_cpython_wrapper=name not in entries)
+    return known
 
 
 @cache

@@ -257,7 +257,7 @@ TABLE = (
         "fixed",
         "Whether vertices of the boundary, of interfaces and of embedded cells stay, slide along straight"
         " lines and planes, so that every region and group keeps its shape, or move along curved ones "
-        "too, projected to those of IN. Surfaces in space are always projected.",
+        "too, on those of IN. Vertices of surfaces in space always do.",
         ("smooth", "untangle"),
         variants={
             "untangle": Variant(
@@ -273,7 +273,7 @@ TABLE = (
         "feature_angle",
         Values(float, 0, 180, must="be between 0 and 180 degrees"),
         30.0,
-        "Where a projected boundary turns by more than this it is a feature: its vertices stay on the "
+        "Where a curved boundary turns by more than this it is a feature: its vertices stay on the "
         "feature's curve, those of its corners in place.",
         SMOOTH,
         "DEG",
@@ -284,7 +284,7 @@ TABLE = (
         "max_deviation",
         Values(float, 0, must="be a length that is not negative"),
         None,
-        "How far a projected boundary may come from that of IN, measured from both; default: 1e-3 of the "
+        "How far a curved boundary may come from that of IN, measured from both; default: 1e-3 of the "
         "diagonal of the bounding box.",
         SMOOTH,
         "D",

@@ -50,6 +50,45 @@ def scanned(n: int = 12, noise: float = 0.004) -> Mesh:
     return Mesh(np.column_stack([xy, z]), [Cells("triangle", Delaunay(xy).simplices.astype(np.int64))])
 
 
+def wavy(
+    n: int, seed: int, crease: bool = False, slit: bool = False, fin: bool = False, degenerate: bool = False
+) -> Mesh:
+    """A wavy sheet of n by n squares cut in two, its inner vertices shaken.
+
+    crease: folded along its middle; slit: cut there; fin: with a third sheet standing on its middle;
+    degenerate: with a square whose two triangles have no area.
+    """
+    rng = np.random.default_rng(seed)
+    side = np.linspace(0, 1, 2 * n + 1)
+    x, y = (part.ravel() for part in np.meshgrid(side, side, indexing="ij"))
+    inner = (x > 0) & (x < 1) & (y > 0) & (y < 1) & ~((x == 0.5) & (crease or slit or fin))
+    shake = 0.3 / (2 * n) * rng.uniform(-1, 1, (2, len(x)))
+    x, y = x + inner * shake[0], y + (inner | ((x == 0.5) & (y > 0) & (y < 1))) * shake[1]
+    z = 0.08 * np.sin(4 * x + 1) * np.cos(3 * y) + (1.2 * np.abs(x - 0.5) if crease else 0.0)
+    number = np.arange(len(x)).reshape(2 * n + 1, -1)
+    a, b, c, d = (
+        part.ravel() for part in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:])
+    )
+    cells = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    points = np.column_stack([x, y, z])
+    middle = number[n]
+    if slit:
+        beyond = points[cells].mean(axis=1)[:, 0] > 0.5
+        copies = np.arange(len(points))
+        copies[middle[1:-1]] = len(points) + np.arange(len(middle) - 2)
+        cells[beyond] = copies[cells[beyond]]
+        points = np.concatenate([points, points[middle[1:-1]]])
+    if fin:
+        top = len(points) + np.arange(len(middle))
+        points = np.concatenate([points, points[middle] + [0.0, 0.0, 0.4]])
+        up = [(*middle[i : i + 2], top[i]) for i in range(2 * n)]
+        up += [(middle[i + 1], top[i + 1], top[i]) for i in range(2 * n)]
+        cells = np.concatenate([cells, np.array(up)])
+    if degenerate:
+        points[number[1, 1]] = points[number[1, 2]]
+    return Mesh(points, [Cells("triangle", cells.astype(np.int64))])
+
+
 def skin(mesh: Mesh) -> np.ndarray:
     """The boundary triangles of a tetrahedral mesh, or all triangles of a surface."""
     cells = mesh.cells[0].vertices

@@ -1,13 +1,11 @@
-"""The part of the boundary: vertices that move freely, slide, or are projected to the input's shape."""
+"""The part of the boundary: vertices that move freely, slide, or walk on the input's shape."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dvr_cli.api.options import SmoothOptions
 from dvr_cli.boundary.constraints import Constraints, constraints_of, surface_constraints
 from dvr_cli.boundary.extent import extent
 from dvr_cli.boundary.features import features_of
@@ -16,24 +14,17 @@ from dvr_cli.boundary.smooth_parts import SmoothParts, smooth_parts_of
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.options import default
-from dvr_cli.relax.directions import DirectionField, random_field
-from dvr_cli.relax.steepest import Ascent
-from dvr_cli.relax.stopping import StopReason
-from dvr_cli.relax.surface.projection import Projection
-from dvr_cli.relax.sweeps import Relaxation
 from dvr_cli.report.records import BoundaryChange
 
 _USUAL_DEVIATION = 1e-3  # bound on the deviation, in diagonals of the bounding box
-# The part of the bound that the distance at the points looked at may take: between them it is larger.
-# Should the measured deviation exceed the bound nevertheless, the next smaller part is tried.
-_SHARES = (0.7, 0.35, 0.1)
 
 
 @dataclass(frozen=True)
 class Moves:
     """The moves open to each vertex: within its freedom, or along a curved boundary.
 
-    parts: the curved parts of the boundary, None where no vertex moves along them.
+    freedom: of the vertices that do not walk. parts: the curved parts of the boundary, None where no vertex
+    walks on them.
     constraints: what keeps its shape where the boundary moves, None where it stays.
     """
 
@@ -44,9 +35,16 @@ class Moves:
     @property
     def relaxed(self) -> np.ndarray:
         """(m,) the vertices that may move, in index order: I_R."""
+        return self.within.relaxed
+
+    @property
+    def within(self) -> Freedom:
+        """The freedom of all vertices that may move, those that walk being free but for their carriers."""
         if self.parts is None:
-            return self.freedom.relaxed
-        return np.sort(np.concatenate([self.freedom.relaxed, self.parts.projected]))
+            return self.freedom
+        dimension = self.freedom.dimension.copy()
+        dimension[self.parts.walking] = self.freedom.axis.shape[1]
+        return Freedom(dimension, self.freedom.axis)
 
 
 def moves_of(mesh: Mesh, domain: Domain, boundary: str, selected: np.ndarray, feature_angle: float) -> Moves:
@@ -70,7 +68,7 @@ def moves_of(mesh: Mesh, domain: Domain, boundary: str, selected: np.ndarray, fe
         smooth = features_of(domain.points, domain.interior, constraints, angle)
     smooth = replace(smooth, freedom=smooth.freedom.only(selected))
     parts = smooth_parts_of(domain.points, constraints, smooth, flat)
-    return Moves(parts.exact, parts if len(parts.projected) else None, constraints)
+    return Moves(parts.exact, parts if len(parts.walking) else None, constraints)
 
 
 def usual_moves(mesh: Mesh, domain: Domain, held: np.ndarray) -> Moves:
@@ -79,51 +77,23 @@ def usual_moves(mesh: Mesh, domain: Domain, held: np.ndarray) -> Moves:
     return moves_of(mesh, domain, default("boundary"), selected, default("feature_angle"))
 
 
-def relax_with_projection(
-    run: Callable[[Projection], Relaxation],
-    domain: Domain,
-    parts: SmoothParts,
-    field: DirectionField,
-    options: SmoothOptions,
-) -> tuple[Relaxation, np.ndarray, BoundaryChange]:
-    """Relax with a projection, so that the boundary comes nowhere farther from the input than the bound.
+def bound_of(domain: Domain, max_deviation: float | None) -> float:
+    """How far the boundary may come from the input's; None for the usual part of the diagonal."""
+    if max_deviation is not None:
+        return max_deviation
+    used = domain.points[domain.corners.vertices.ravel()]
+    return _USUAL_DEVIATION * float(np.linalg.norm(np.ptp(used, axis=0)))
 
-    run: relaxes with a given projection. Returns the outcome, the corners of a surface that are turned over,
-    and the change of the boundary.
+
+def change_of(domain: Domain, points: np.ndarray, deviation: float, bound: float) -> BoundaryChange:
+    """The change of the boundary of a domain at the coordinates ``points`` (N, d).
+
+    deviation: how far it is from the input's, and bound: how far it may be.
     """
-    points = domain.points
-    field = _given_or_random(field, points, options.seed)
-    bound = options.max_deviation
-    if bound is None:
-        used = points[domain.corners.vertices.ravel()]
-        bound = _USUAL_DEVIATION * float(np.linalg.norm(np.ptp(used, axis=0)))
-    for share in _SHARES:
-        limit = share * bound
-        projection = Projection(domain.corners, points, parts, field, limit, options.order, options.seed)
-        outcome = run(projection)
-        deviation = projection.deviation(outcome.points)
-        if deviation <= bound or outcome.stopped_because.cuts_short:
-            break
-    inverted = projection.inverted
-    if deviation > bound:
-        outcome = Relaxation(points, outcome.sweeps, StopReason.DEVIATION)
-        deviation, inverted = 0.0, Projection(domain.corners, points, parts, field, 0.0).inverted
-    (volume, area), (new_volume, new_area) = extent(domain, points), extent(domain, outcome.points)
-    change = BoundaryChange(
+    (volume, area), (new_volume, new_area) = extent(domain, domain.points), extent(domain, points)
+    return BoundaryChange(
         deviation=deviation,
         max_deviation=bound,
         volume_change=None if not volume or new_volume is None else new_volume / volume - 1.0,
         area_change=new_area / area - 1.0 if area else None,
     )
-    return outcome, inverted, change
-
-
-def _given_or_random(field: DirectionField, points: np.ndarray, seed: int) -> DirectionField:
-    """The same field, with random directions in sweeps of steepest ascent, which projection does not know."""
-    random = random_field(points.shape[1], len(points), seed)
-
-    def given(sweep: int, at: np.ndarray, vertices: np.ndarray) -> np.ndarray | Ascent:
-        directions = field(sweep, at, vertices)
-        return random(sweep, at, vertices) if isinstance(directions, Ascent) else directions
-
-    return given

@@ -53,10 +53,10 @@ class SmoothOptions:
     center, axis: for "circumferential" and "radial"; default the centroid of the points and the z axis.
     order: "coloured", "natural" or "shuffled". seed: for random directions and the shuffled order.
     boundary: "fixed", or "slide": vertices of the boundary, of interfaces and of embedded cells move within
-        straight lines and planes; or "project": also along curved ones, brought back to the input's. Surfaces
-        in space are always projected.
+        straight lines and planes; or "project": also along curved ones, on those of the input, as
+        vertices of surfaces in space always do.
     feature_angle: degrees, from 0 to 180; where a boundary turns by more it is a feature and keeps its shape.
-    max_deviation: how far a projected boundary may come from the input's, None for 1e-3 of the diagonal of
+    max_deviation: how far a curved boundary may come from the input's, None for 1e-3 of the diagonal of
         the bounding box.
     fix, only, below, layers: see Selection; fix and only are one name or several. vertices: numbers from 0,
         or the path of a .npy, .csv or .txt file with them.

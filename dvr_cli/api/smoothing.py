@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from dvr_cli.api.boundary import moves_of
+from dvr_cli.api.boundary import bound_of, moves_of
 from dvr_cli.api.options import BOUNDARIES, BOUNDARY_KEEPS, SmoothOptions
 from dvr_cli.api.phases import Run
 from dvr_cli.api.shapes import shaped
@@ -22,7 +22,7 @@ from dvr_cli.quality.curved import straightened
 from dvr_cli.quality.limits import FAIR, Limit, limit_of
 from dvr_cli.quality.measure import Quality, mean_quality, measure
 from dvr_cli.quality.vector import at_least
-from dvr_cli.relax.directions import direction_field
+from dvr_cli.relax.directions import Entry, direction_field
 from dvr_cli.relax.engines.choice import choose_engine
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import build_problem
@@ -33,6 +33,10 @@ from dvr_cli.report.records import ShapeUse, SmoothReport, summarise
 # the reasons for which relaxing on would gain nothing
 _DONE = (StopReason.CONVERGED, StopReason.NOTHING_TO_RELAX)
 _PERFECT = 1.0 - 1e-9  # quality from which there is nothing that could be better
+_ON_SURFACES = "optimal"  # directions on surfaces in space where nobody gives any
+# The part of the bound on the deviation up to which vertices walk. Should the deviation as measured exceed
+# the bound nevertheless, the next smaller part is tried.
+_SHARES = (0.97, 0.5, 0.1)
 
 
 class Storage(Protocol):
@@ -70,45 +74,51 @@ def smooth_mesh(
     selected = np.logical_and.reduce([mesh.unlinked, ~shapes.held, *masks.values()])
     moves = moves_of(mesh, domain, options.boundary, selected, options.feature_angle)
     relaxed = moves.relaxed
-    field = direction_field(
-        options.entries, domain, mesh.point_data, options.seed, options.center, options.axis
-    )
+    if moves.parts is not None:
+        walking = len(moves.parts.walking)
+        kind = choose_engine(options.engine, vertices, sweeps, options.takes_patches, walking)
+    # on a surface vertices have little room: measured, polishing first and optimal directions go farthest
+    on_surface = domain.is_surface and options.is_free and options.takes_polish
+    entries: list[Entry] = [_ON_SURFACES] if on_surface else options.entries
+    field = direction_field(entries, domain, mesh.point_data, options.seed, options.center, options.axis)
     before = measure(domain, mesh.points, relaxed)
     untangling = untangles(options, domain, before)
     start = time.perf_counter()
-    parts = options.order, options.seed, kind.backend, moves.freedom
-    problem = build_problem(domain.corners, moves.freedom.relaxed, domain.points, *parts)
-    engine = kind.make(problem, options.threads)
+    how = options.order, options.seed, kind.backend, moves.within, moves.parts
+    problem = build_problem(domain.corners, relaxed, domain.points, *how)
+    bound = bound_of(domain, options.max_deviation)
     mean: dict[int, float] = {}
-    if means:
-        on_sweep = _record_means(mean, engine, domain, on_sweep)
-    run, reference = Run(domain, moves, engine, options, on_sweep, interrupted), before
-    if untangling:
-        run.untangle()
-        reference = reference_quality(measure(domain, domain.lift(mesh.points, run.points), relaxed), before)
-    run.relax(field)
-    if options.takes_patches:
-        run.relax_patches()
-    unpolished = run.points
-    if options.takes_polish:
-        run.polish(reference.q1 or 0.0)
+    for share in _SHARES if moves.parts is not None else _SHARES[:1]:
+        engine = kind.make(problem.keeping_within(share * bound), options.threads)
+        hook = _record_means(mean, engine, domain, on_sweep) if means else on_sweep
+        run, reference = Run(domain, moves, engine, options, hook, interrupted), before
+        if untangling:
+            run.untangle()
+            after = measure(domain, domain.lift(mesh.points, run.points), relaxed)
+            reference = reference_quality(after, before)
+        if on_surface:
+            run.polish(reference.q1 or 0.0)
+        run.relax(field)
+        if options.takes_patches:
+            run.relax_patches()
+        if options.takes_polish:
+            run.polish(reference.q1 or 0.0)
+        result_of = partial(_result, mesh, domain, relaxed, run, reference, storage)
+        points, after = result_of()
+        if options.polish is None and run.polished and not at_least(after.vector, before.vector):
+            run.undo_polish()
+            points, after = result_of()
+            if on_surface and not at_least(after.vector, before.vector):
+                run.start_anew()
+                run.relax(field)
+                points, after = result_of()
+        if moves.parts is None or run.keeps(bound):
+            break
+        if share == _SHARES[-1] or run.stopped_because.cuts_short:
+            run.undo(bound)
+            points, after = result_of()
+            break
     seconds = time.perf_counter() - start
-
-    def result_of(flat: np.ndarray) -> tuple[np.ndarray, Quality]:
-        """The coordinates ``flat`` (N, d) as points that will be kept, and their quality."""
-        points = domain.lift(mesh.points, flat)
-        if domain.straighten:
-            points = straightened(domain, points)
-        if domain.is_tilted and is_worse(measure(domain, points, relaxed), reference):
-            points, run.stopped_because = mesh.points.copy(), StopReason.ROUNDING
-        return _stored_result(
-            partial(measure, domain, relaxed=relaxed, inverted=run.inverted), points, reference, storage
-        )
-
-    points, after = result_of(run.points)
-    if options.polish is None and run.points is not unpolished and not at_least(after.vector, before.vector):
-        run.undo_polish(unpolished)
-        points, after = result_of(run.points)
     left = tangled_left(domain, moves, points, after)
     if run.untangling is not None:
         run.phases.insert(0, untangle_phase(run.untangling, left))
@@ -135,12 +145,27 @@ def smooth_mesh(
         seconds=seconds,
         engine=engine.name,
         threads=engine.threads,
-        options=options.record() | {"untangle": untangling},
+        options=options.record()
+        | {"untangle": untangling}
+        | ({"directions": _ON_SURFACES} if on_surface else {}),
         boundary=run.boundary,
     )
     for sweep in report.sweeps if means else []:
         sweep["elements_mean"] = mean[sweep["sweep"]]
     return points, report
+
+
+def _result(
+    mesh: Mesh, domain: Domain, relaxed: np.ndarray, run: Run, reference: Quality, storage: Storage | None
+) -> tuple[np.ndarray, Quality]:
+    """The coordinates that a run has reached as points that will be kept, and their quality."""
+    points = domain.lift(mesh.points, run.points)
+    if domain.straighten:
+        points = straightened(domain, points)
+    if domain.is_tilted and is_worse(measure(domain, points, relaxed), reference):
+        points, run.stopped_because = mesh.points.copy(), StopReason.ROUNDING
+    measured = partial(measure, domain, relaxed=relaxed, inverted=run.inverted)
+    return _stored_result(measured, points, reference, storage)
 
 
 def _record_means(

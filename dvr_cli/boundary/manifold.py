@@ -1,8 +1,8 @@
 """Manifolds: curves of segments and surfaces of triangles, and the points on them nearest to given ones.
 
 The nearest point is searched for by walking: from a simplex near by to that of its neighbours which is
-nearest, until none is nearer. This is the nearest point of the part around the start, which is what
-projection needs: a vertex cannot jump through a thin wall or across a crack, however near the other side is.
+nearest, until none is nearer. This is the nearest point of the part around the start, which is what is asked
+for: a point is not taken to the other side of a thin wall or a crack, however near that is.
 The distance found is never less than the distance to the whole manifold.
 """
 
@@ -56,7 +56,7 @@ class Manifold:
             walking, at, supports = walking[on_side], at[on_side], supports[on_side]
             rows, candidate, row_start = self._beyond(at, supports)
             feet, squares = _closest(self.places[candidate], queries[walking[rows]])
-            best = first_least(squares, row_start)
+            best = _first_least(squares, row_start)
             nearer = squares[best] < square[walking]
             walking, best = walking[nearer], best[nearer]
             simplex[walking], foot[walking], square[walking] = candidate[best], feet[best], squares[best]
@@ -78,27 +78,7 @@ class Manifold:
         return row, candidate, np.concatenate([[0], np.cumsum(np.bincount(row, minlength=len(simplex)))])
 
 
-def closest_of(
-    places: np.ndarray, start: np.ndarray, queries: np.ndarray, near: np.ndarray, row: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Of E simplices in rows, that of its row which is nearest to each query (n, d): number, distance (n,).
-
-    places: (E, k, d) of all; row i are start[i] .. start[i+1], and row: (E,) its inverse. near: (n,) a
-    simplex of the row in question, which is the answer if the query lies straight above it.
-    """
-    best = near.copy()
-    foot, square = _closest(places[near], queries)
-    rest = np.flatnonzero(~_supports(places[near], foot).all(axis=1))
-    if len(rest):
-        entries, row_start = row_entries(start, row[near[rest]])
-        query = np.repeat(rest, np.diff(row_start))
-        squares = _closest(places[entries], queries[query])[1]
-        least = first_least(squares, row_start)
-        best[rest], square[rest] = entries[least], squares[least]
-    return best, np.sqrt(square)
-
-
-def first_least(values: np.ndarray, start: np.ndarray) -> np.ndarray:
+def _first_least(values: np.ndarray, start: np.ndarray) -> np.ndarray:
     """(n,) position of the first least value in each row start[i] .. start[i+1]; no row may be empty."""
     row = np.repeat(np.arange(len(start) - 1), np.diff(start))
     least = np.flatnonzero(values == np.minimum.reduceat(values, start[:-1])[row])

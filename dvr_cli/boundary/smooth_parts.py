@@ -1,10 +1,10 @@
-"""Smooth parts of boundaries: the surfaces and curves that boundary vertices move on when they are projected.
+"""Smooth parts of boundaries: the surfaces and curves that boundary vertices walk on.
 
 Constraint facets that no ridge parts form a *patch*, ridges that no tip parts a *curve*. Where all of a
 patch is plane, or all of a curve straight between plane patches, moving in that plane or line is exact and
-needs no projection; elsewhere vertices are brought back to their patch or curve as the input has it. The
-lips of a slit, coincident but not connected, would cut into each other along different chords of a curve:
-there vertices stay.
+needs no walk; elsewhere vertices walk on their patch or curve as the input has it. The lips of a slit,
+coincident but not connected, would cut into each other along different chords of a curve: there vertices
+stay.
 """
 
 from __future__ import annotations
@@ -23,18 +23,20 @@ from dvr_cli.mesh.orientation import connected_parts
 
 @dataclass(frozen=True)
 class SmoothParts:
-    """The vertices that are projected, and the freedom of those that move exactly.
+    """The vertices that walk, and the freedom of those that move exactly.
 
     triangles: (T, 3) the constraint facets, quadrilaterals cut in two; none in a planar mesh. facet: (T,) the
-        facet each is of. patch: (T,) the number of its patch.
+        facet each is of. patch: (T,) the number of its patch. plane: (P,) bool, whether all of a patch is
+        in one plane, to rounding.
     segments: (S, 2) the ridges; curve: (S,) the number of the curve each is of.
-    on_patch, on_curve: (m,) the vertices that are projected to their patch or their curve.
+    on_patch, on_curve: (m,) the vertices that walk on their patch or their curve.
     exact: the freedom of all other vertices.
     """
 
     triangles: np.ndarray
     facet: np.ndarray
     patch: np.ndarray
+    plane: np.ndarray
     segments: np.ndarray
     curve: np.ndarray
     on_patch: np.ndarray
@@ -42,8 +44,8 @@ class SmoothParts:
     exact: Freedom
 
     @property
-    def projected(self) -> np.ndarray:
-        """(m,) all vertices that are projected, in index order."""
+    def walking(self) -> np.ndarray:
+        """(m,) all vertices that walk, in index order."""
         return np.sort(np.concatenate([self.on_patch, self.on_curve]))
 
 
@@ -62,9 +64,9 @@ def smooth_parts_of(
     patch = _patches(faces, ridges)[facet]
     curve = _curves(ridges, dimension == 1)
 
-    bent = ~_plane(points, triangles, patch, constraints.rounding)
+    plane = _plane(points, triangles, patch, constraints.rounding)
     at_bend = np.zeros(n_points, dtype=bool)
-    at_bend[triangles[bent[patch]]] = True
+    at_bend[triangles[~plane[patch]]] = True
     movable = (dimension == 1) | ((dimension == 2) & (len(faces) > 0))
     stays_exact = movable & (exact == dimension) & ~at_bend
     # a curve is straight if none of its vertices bends it
@@ -73,16 +75,17 @@ def smooth_parts_of(
     on_crooked = np.zeros(n_points, dtype=bool)
     on_crooked[ridges[crooked[curve]]] = True
     stays_exact &= (dimension != 1) | ~on_crooked
-    projected = movable & ~stays_exact & ~_coincident(points, facets)
+    walks = movable & ~stays_exact & ~_coincident(points, facets)
     kept = np.where(movable, stays_exact, exact > 0)
     return SmoothParts(
         triangles=triangles,
         facet=facet,
         patch=patch,
+        plane=plane,
         segments=ridges,
         curve=curve,
-        on_patch=np.flatnonzero(projected & (dimension == 2)),
-        on_curve=np.flatnonzero(projected & (dimension == 1)),
+        on_patch=np.flatnonzero(walks & (dimension == 2)),
+        on_curve=np.flatnonzero(walks & (dimension == 1)),
         exact=flat.only(kept),
     )
 

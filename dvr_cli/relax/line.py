@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dvr_cli.mesh.simplex import Components, cross, dot, opposite_normal, subtract, through
+from dvr_cli.mesh.simplex import Components, dot, opposite_normal, subtract, through
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
 
@@ -118,46 +118,11 @@ def coefficients(
     if factor is not None:
         edges = [through(factor, edge) for edge in edges]
         direction = through(factor, direction)
-    return _lines(v, direction, edges, norm, slope, curvature, len(x))
-
-
-def surface_coefficients(
-    x: Components,
-    direction: Components,
-    ends: Sequence[Components],
-    inverted: np.ndarray,
-    norm: Sequence[np.ndarray],
-    slope: Sequence[np.ndarray],
-    curvature: np.ndarray,
-) -> Lines:
-    """The lines of triangles in space, with v taken in the plane each has at λ = 0; see ``coefficients``.
-
-    x, direction, ends: three components; inverted: (K, n) bool, the triangles that are turned over.
-    """
-    edges = [subtract(end, x) for end in ends]
-    area = cross(*edges)
-    change = cross(direction, subtract(ends[1], ends[0]))
-    length = np.sqrt(dot(area, area)) * np.where(inverted, -1.0, 1.0)
-    with np.errstate(all="ignore"):
-        v1 = np.where(length != 0.0, -dot(change, area) / length, 0.0)
-    return _lines((length, v1), direction, edges, norm, slope, curvature, 2)
-
-
-def _lines(
-    v: tuple[np.ndarray, np.ndarray],
-    direction: Components,
-    edges: Sequence[Components],
-    norm: Sequence[np.ndarray],
-    slope: Sequence[np.ndarray],
-    curvature: np.ndarray,
-    dimension: int,
-) -> Lines:
-    """The lines of corners with these v0 and v1, and these edges."""
     along = slope[0] * dot(direction, edges[0])
     for j in range(1, len(edges)):
         along = along + slope[j] * dot(direction, edges[j])
     terms = np.stack([*v, weighted_norm(edges, norm), -along])
-    return Lines(terms, curvature * dot(direction, direction), dimension)
+    return Lines(terms, curvature * dot(direction, direction), len(x))
 
 
 def maximise_minimum(lines: Lines) -> tuple[np.ndarray, np.ndarray]:

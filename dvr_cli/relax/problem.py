@@ -7,17 +7,19 @@ together lies together in memory (docs/design.md, "The two numberings").
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.boundary.freedom import Freedom
+from dvr_cli.boundary.smooth_parts import SmoothParts
 from dvr_cli.mesh.corners import Corners, Simplices
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.morton import morton_order
 from dvr_cli.mesh.rings import Rings, incidence_of
 from dvr_cli.relax.schedule import batches
+from dvr_cli.relax.surface.carriers import Carriers, carriers_of
 
 
 @dataclass(frozen=True)
@@ -29,8 +31,10 @@ class Problem:
     batch_start: (B + 1,) the rings of batch b are batch_start[b] .. batch_start[b+1].
     touched: the corners with a relaxed vertex, over which Q1 is taken, in the order of their smallest vertex.
     touched_ids: (C,) the number of each among the corners of the mesh.
-    dimension: 2 or 3.
+    dimension: 2 or 3, of the corners. components: how many coordinates the points have.
+    walk_start: (B,) in each batch the rings of vertices that walk are its last, from walk_start[b] on.
     freedom: how far the vertex of each ring may move, one row a ring; None where all move anywhere.
+    carriers: the input's facets and curves that vertices walk on; None where none does.
     """
 
     order: np.ndarray
@@ -39,12 +43,39 @@ class Problem:
     touched: Simplices
     touched_ids: np.ndarray
     dimension: int
+    components: int
     freedom: Freedom | None = None
+    walk_start: np.ndarray | None = None
+    carriers: Carriers | None = None
+
+    @property
+    def is_surface(self) -> bool:
+        """True for a surface in space, whose corners have one dimension less than its points coordinates."""
+        return self.components > self.dimension
 
     @property
     def relaxed(self) -> np.ndarray:
         """(m,) the relaxed vertices in the order of a sweep, in the mesh's numbering."""
         return self.order[self.rings.vertices]
+
+    @property
+    def free_rings(self) -> np.ndarray:
+        """(f,) the rings of the vertices that do not walk."""
+        if self.walk_start is None:
+            return np.arange(len(self.rings.vertices))
+        starts = zip(self.batch_start.tolist(), self.walk_start.tolist(), strict=False)
+        return np.concatenate([np.empty(0, dtype=np.int64), *(np.arange(lo, hi) for lo, hi in starts)])
+
+    def parts(self, batch: int) -> tuple[int, int, int]:
+        """Where the rings of a batch begin, those of its vertices that walk, and those of the next batch."""
+        lo, hi = self.batch_start[batch : batch + 2].tolist()
+        return lo, hi if self.walk_start is None else int(self.walk_start[batch]), hi
+
+    def keeping_within(self, limit: float) -> Problem:
+        """The same, in which walks take the mesh no farther from the input than ``limit``."""
+        if self.carriers is None:
+            return self
+        return replace(self, carriers=replace(self.carriers, limit=limit))
 
 
 def build_problem(
@@ -55,11 +86,13 @@ def build_problem(
     seed: int = 0,
     backend: Backend = NUMPY,
     freedom: Freedom | None = None,
+    parts: SmoothParts | None = None,
 ) -> Problem:
     """The problem of relaxing the vertices ``relaxed`` (I_R, in this order) of a mesh with these corners.
 
     points: (N, d); order: "coloured", "natural" or "shuffled", see ``schedule.batches``; backend: what
-    computes; freedom: how far they may move, by default anywhere.
+    computes; freedom: how far they may move, by default anywhere. parts: the curved boundary or surface that
+    some of them walk on.
     """
     n_points = len(points)
     morton = morton_order(points)
@@ -75,16 +108,29 @@ def build_problem(
     incidence = incidence_of(touched, np.flatnonzero(moving), n_points, backend)
     natural = (np.cumsum(moving) - 1)[number[relaxed]]
     split = batches(incidence, order, seed, backend, natural)
+    if parts is not None:
+        walks = np.zeros(n_points, dtype=bool)
+        walks[number[parts.walking]] = True
+        split = [part[np.argsort(walks[incidence.vertices[part]], kind="stable")] for part in split]
     sequence = np.concatenate([np.empty(0, dtype=np.int64), *split])
     rings = incidence.rings(touched, sequence, backend)
+    batch_start = np.concatenate([[0], np.cumsum([len(part) for part in split], dtype=np.int64)])
+    walk_start = carriers = None
+    if parts is not None:
+        free = [np.count_nonzero(~walks[incidence.vertices[part]]) for part in split]
+        walk_start = batch_start[:-1] + np.array(free, dtype=np.int64)
+        carriers = carriers_of(corners, points, parts, number, rings, touched, touched_ids)
     return Problem(
         order=morton,
         rings=rings,
-        batch_start=np.concatenate([[0], np.cumsum([len(part) for part in split], dtype=np.int64)]),
+        batch_start=batch_start,
         touched=touched,
         touched_ids=touched_ids,
         dimension=corners.dimension,
+        components=points.shape[1],
         freedom=_of_rings(freedom, morton[rings.vertices]),
+        walk_start=walk_start,
+        carriers=carriers,
     )
 
 

@@ -6,7 +6,7 @@ Each is a phase of a run with a guarantee of its own, see ``phases``.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,6 @@ from dvr_cli.quality.badness import badness_of
 from dvr_cli.relax.directions import DirectionField
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.stopping import Stopping, StopReason
-from dvr_cli.relax.surface.projection import Projection
 
 
 @dataclass(frozen=True)
@@ -44,33 +43,37 @@ class Relaxation:
 
 def relax(
     engine: Engine,
-    points: np.ndarray,
+    points: np.ndarray | None,
     field: DirectionField,
     stopping: Stopping,
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
-    projection: Projection | None = None,
+    done: int = 0,
 ) -> Relaxation:
-    """Relax the vertices of the engine's problem, and then of the projection's, from ``points`` (N, d).
+    """Relax the vertices of the engine's problem from ``points`` (N, d), None for where the engine is.
 
     on_sweep: called after each sweep. interrupted: asked after each batch; when true the mesh reached is the
-    result. Every intermediate mesh is valid and no worse (Theorem 4.10).
+    result. done: how many sweeps came before. Every intermediate mesh is valid and no worse (Theorem 4.10).
     """
-    if not len(engine.problem.relaxed) and projection is None:
-        return Relaxation(points, [], StopReason.NOTHING_TO_RELAX)
     start = time.perf_counter()
-    engine.load(points)
-    history = [_q1(engine, projection)]
+    if points is not None:
+        engine.load(points)
+    if not len(engine.problem.relaxed):
+        return Relaxation(engine.points, [], StopReason.NOTHING_TO_RELAX)
+    history = [engine.q1()]
     sweeps: list[Sweep] = []
     while (reason := stopping.reason(history, time.perf_counter() - start)) is None:
         sweep_start = time.perf_counter()
         moved = 0
-        for number in _updates(engine, projection, field, len(sweeps)):
-            moved += number
+        directions = field(len(sweeps), engine.relaxed_points, engine.problem.relaxed)
+        for batch in range(engine.batches):
+            moved += engine.move_batch(batch, directions)
             if (cut := cut_short(start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
-        history.append(_q1(engine, projection))
-        sweeps.append(Sweep(len(sweeps) + 1, "relax", history[-1], moved, time.perf_counter() - sweep_start))
+        history.append(engine.q1())
+        sweeps.append(
+            Sweep(done + len(sweeps) + 1, "relax", history[-1], moved, time.perf_counter() - sweep_start)
+        )
         if on_sweep is not None:
             on_sweep(sweeps[-1])
     if not sweeps:  # what ended untangling early is then the reason
@@ -121,19 +124,3 @@ def cut_short(start: float, stopping: Stopping, interrupted: Callable[[], bool])
     if stopping.time_limit is not None and time.perf_counter() - start >= stopping.time_limit:
         return StopReason.TIME_LIMIT
     return None
-
-
-def _updates(
-    engine: Engine, projection: Projection | None, field: DirectionField, sweep: int
-) -> Iterator[int]:
-    """Do a sweep, batch by batch; yields how many vertices of each moved."""
-    directions = field(sweep, engine.relaxed_points, engine.problem.relaxed)
-    for batch in range(engine.batches):
-        yield engine.move_batch(batch, directions)
-    if projection is not None:
-        yield from projection.sweep(sweep, engine.coordinates)
-
-
-def _q1(engine: Engine, projection: Projection | None) -> float:
-    q1 = engine.q1()
-    return q1 if projection is None else min(q1, projection.q1(engine.coordinates))

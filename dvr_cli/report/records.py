@@ -63,7 +63,7 @@ class MeshSummary:
 
 @dataclass(frozen=True)
 class BoundaryChange:
-    """The change of a boundary, or a surface, whose vertices were projected.
+    """The change of a boundary, or a surface, on which vertices walked.
 
     deviation: the largest distance between the old and the new one, measured from both, and max_deviation:
     the bound it keeps, in the unit of the coordinates. volume_change, area_change: of the domain and of its
@@ -143,7 +143,7 @@ class SmoothReport:
     stopped_because: why it ended.
     limited_by: what holds the worst element where relaxing on would not, None if that is not known.
     left: the elements that are inverted or degenerate in the end, by reason: as for untangling.
-    boundary: what became of a boundary or surface that was projected, else None.
+    boundary: what became of a boundary or surface on which vertices walked, else None.
     seconds: time of the relaxation, reading and writing aside.
     shape: what cells were measured against. plain: where some were kept, or in a metric, the qualities
         before and after with ideal targets for all.

@@ -302,7 +302,7 @@ def _kind(mesh: MeshSummary) -> str:
 
 
 def _boundary(change: BoundaryChange | None) -> list[str]:
-    """The change of a projected boundary."""
+    """The change of a boundary on which vertices walked."""
     if change is None:
         return []
     changes = (("volume", change.volume_change), ("area", change.area_change))

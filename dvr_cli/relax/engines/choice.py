@@ -17,6 +17,7 @@ from dvr_cli.relax.problem import Problem
 _REPAYS = 100_000
 _USUAL_SWEEPS = 20
 _PATCHES = 650  # sweeps of NumPy that patches cost as much as
+_WALK = 500  # updates of NumPy that one on a curved boundary or surface costs as much as
 
 
 @dataclass(frozen=True)
@@ -68,16 +69,20 @@ def has_numba() -> bool:
     return KINDS[COMPILED.name].is_installed
 
 
-def choose_engine(name: str, vertices: int, max_iterations: int, patches: bool = False) -> EngineKind:
+def choose_engine(
+    name: str, vertices: int, max_iterations: int, patches: bool = False, walking: int = 0
+) -> EngineKind:
     """The engine called ``name``, "auto" being the fastest for the work ahead.
 
-    vertices: how many the mesh has. patches: whether patches are to be relaxed as well. Raises UsageError for
-    an engine that is unknown or not installed.
+    vertices: how many the mesh has. patches: whether patches are to be relaxed as well. walking: how many of
+    the vertices walk on curved boundaries or surfaces. Raises UsageError for an engine that is unknown or not
+    installed.
     """
     if name not in ENGINES:
         raise UsageError(f"engine: unknown {name!r}; known: {', '.join(ENGINES)}")
     if name == "auto":
-        work = vertices * (min(max_iterations, _USUAL_SWEEPS) + (_PATCHES if patches else 0))
+        sweeps = min(max_iterations, _USUAL_SWEEPS)
+        work = vertices * (sweeps + (_PATCHES if patches else 0)) + walking * sweeps * _WALK
         return KINDS[(COMPILED if work > _REPAYS and has_numba() else NUMPY).name]
     if not KINDS[name].is_installed:
         package = KINDS[name].package

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +12,12 @@ from dvr_cli.backend import Backend
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.problem import Problem
 from dvr_cli.relax.steepest import Ascent
+from dvr_cli.relax.surface.carriers import Standing
+from dvr_cli.relax.surface.overlay import renew
+from dvr_cli.relax.surface.ring import ring_rows
+from dvr_cli.relax.surface.walk import walk_directions, walk_rings
+
+State = tuple[np.ndarray, Standing | None]
 
 
 class Engine(ABC):
@@ -26,6 +34,10 @@ class Engine(ABC):
     def __init__(self, problem: Problem) -> None:
         """problem: what to relax; the coordinates are those last given to ``load``."""
         self.problem = problem
+        self._standing: Standing | None = None
+        self._directions = np.zeros((len(problem.rings.vertices), problem.components))
+        self._largest_ring = int(problem.rings.sizes.max(initial=0))
+        self._rows: Any = ring_rows(problem)
 
     @property
     def batches(self) -> int:
@@ -33,8 +45,13 @@ class Engine(ABC):
         return len(self.problem.batch_start) - 1
 
     def load(self, points: np.ndarray) -> None:
-        """Start from the coordinates ``points`` (N, d); they are copied."""
+        """Start from the coordinates ``points`` (N, d); they are copied.
+
+        Vertices that walk have to be where the input has them.
+        """
         self._set(np.asarray(points, dtype=np.float64)[self.problem.order])
+        if self.problem.carriers is not None:
+            self._standing = self.problem.carriers.standing()
 
     @property
     def points(self) -> np.ndarray:
@@ -59,6 +76,8 @@ class Engine(ABC):
         touched = self.problem.touched
         if not len(touched.vertices):
             return np.inf
+        if self.problem.is_surface:
+            return float(self.qualities().min())
         corner, badness = self._worst_corner()
         # where corners are not positive their badness does not order them
         candidates = slice(corner, corner + 1) if badness < np.inf else slice(None)
@@ -66,7 +85,34 @@ class Engine(ABC):
 
     def qualities(self) -> np.ndarray:
         """(C,) quality of each corner with a relaxed vertex."""
-        return corner_qualities(self._get(), self.problem.touched)
+        return corner_qualities(self._get(), self.problem.touched, inverted=self.turned)
+
+    @property
+    def turned(self) -> np.ndarray | None:
+        """(C,) bool, the touched corners of a surface that are turned over; None in other meshes."""
+        standing = self._standing
+        return None if standing is None or not self.problem.is_surface else standing.turned
+
+    def deviation(self) -> float:
+        """The largest distance between the surfaces and curves that vertices walk on and the input's.
+
+        It is measured from both sides; 0 if no vertex walks.
+        """
+        carriers, standing = self.problem.carriers, self._standing
+        if carriers is None or standing is None:
+            return 0.0
+        self.backend.twin(renew)(self._get(), carriers.ground, carriers.stars, standing)
+        return carriers.deviation(standing, self._get())
+
+    def state(self) -> State:
+        """A copy of where the vertices are, for ``restore``."""
+        standing = self._standing
+        return self._get().copy(), None if standing is None else Standing(*(a.copy() for a in standing))
+
+    def restore(self, state: State) -> None:
+        """Go back to a state that was copied."""
+        self._set(state[0])
+        self._standing = state[1]
 
     def move_batch(self, batch: int, directions: np.ndarray | Ascent) -> int:
         """Relax a batch along given directions (see ``relax_batch``) or those of steepest ascent.
@@ -89,44 +135,95 @@ class Engine(ABC):
 
         They hold for the coordinates as they are now; see ``steepest.steepest``. The others mean nothing.
         """
-        return self._inside(batch, self._steepest(batch, band))
+        lo, walking, hi = self.problem.parts(batch)
+        if lo < walking:
+            self._steepest(batch, lo, walking, band)
+        self._point_ahead(walking, hi, band)
+        return self._inside(lo, walking)
 
     def mean_ascent(self, batch: int) -> np.ndarray:
         """(m, d) directions of which those of a batch are along which their rings' sums of 1/Q fall fastest.
 
         They hold for the coordinates as they are now; see ``polish.mean_ascent``. The others mean nothing.
         """
-        return self._inside(batch, self._mean_ascent(batch))
+        lo, walking, hi = self.problem.parts(batch)
+        if lo < walking:
+            self._mean_ascent(batch, lo, walking)
+        self._point_ahead(walking, hi, -1.0)
+        return self._inside(lo, walking)
 
-    def _inside(self, batch: int, directions: np.ndarray) -> np.ndarray:
-        """Remove from the batch's directions their parts across lines and planes, which rounding has made."""
-        freedom = self.problem.freedom
-        if freedom is not None:
-            lo, hi = self.problem.batch_start[batch : batch + 2].tolist()
+    def _inside(self, lo: int, hi: int) -> np.ndarray:
+        """The directions without those parts of rows lo .. hi across lines and planes that rounding made."""
+        freedom, directions = self.problem.freedom, self._directions
+        if freedom is not None and lo < hi:
             directions[lo:hi] = freedom.directions(directions[lo:hi], np.arange(lo, hi))
         return directions
 
-    @abstractmethod
     def relax_batch(self, batch: int, directions: np.ndarray) -> int:
         """Move each vertex of a batch to the best point of its line; returns how many moved.
 
         directions: (m, d), row i for ring i of the problem; a zero row leaves its vertex where it is.
         """
+        lo, walking, hi = self.problem.parts(batch)
+        moved = self._relax(batch, lo, walking, directions) if lo < walking else 0
+        return moved + self._walk(walking, hi, directions, False, np.inf)
 
-    @abstractmethod
     def polish_batch(self, batch: int, directions: np.ndarray, limit: float) -> int:
         """Move each vertex of a batch to where the sum of 1/Q along its line is lowest above the floor.
 
         directions: as for ``relax_batch``; limit: the badness at the floor. Returns how many moved.
         """
+        lo, walking, hi = self.problem.parts(batch)
+        moved = self._polish(batch, lo, walking, directions, limit) if lo < walking else 0
+        return moved + self._walk(walking, hi, directions, True, limit)
+
+    def _walk(self, lo: int, hi: int, directions: np.ndarray, polishing: bool, floor: float) -> int:
+        """Walk the vertices of the rings lo .. hi; see ``walk.walk_rings``."""
+        carriers, standing = self.problem.carriers, self._standing
+        if lo == hi or carriers is None or standing is None:
+            return 0
+        kernel = self.backend.twin(walk_rings)
+
+        def part(a: int, b: int) -> int:
+            moving = self._get(), directions, a, b, self._rows
+            walked = carriers.ground, carriers.stars, carriers.corners, standing, carriers.limit
+            return kernel(*moving, *walked, polishing, floor, self._largest_ring)
+
+        return sum(self._in_parts(part, lo, hi))
+
+    def _point_ahead(self, lo: int, hi: int, band: float) -> None:
+        """Set the directions of the vertices of the rings lo .. hi, which walk; see ``walk_directions``."""
+        carriers, standing = self.problem.carriers, self._standing
+        if lo == hi or carriers is None or standing is None:
+            return
+        kernel = self.backend.twin(walk_directions)
+
+        def part(a: int, b: int) -> None:
+            moving = self._get(), self._directions, a, b, self._rows
+            kernel(*moving, carriers.ground, carriers.corners, standing, band, self._largest_ring)
+
+        self._in_parts(part, lo, hi)
+
+    def _in_parts(self, work: Callable[[int, int], Any], lo: int, hi: int) -> list[Any]:
+        """work(a, b) for consecutive parts a .. b of lo .. hi, in order."""
+        with np.errstate(all="ignore"):  # corners that are not positive, directions of no length
+            return [work(lo, hi)]
 
     @abstractmethod
-    def _steepest(self, batch: int, band: float) -> np.ndarray:
-        """The directions of ``steepest``, in lines and planes but for rounding."""
+    def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray) -> int:
+        """``relax_batch`` for the rings lo .. hi of a batch, whose vertices do not walk."""
 
     @abstractmethod
-    def _mean_ascent(self, batch: int) -> np.ndarray:
-        """The directions of ``mean_ascent``, in lines and planes but for rounding."""
+    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float) -> int:
+        """``polish_batch`` for the rings lo .. hi of a batch, whose vertices do not walk."""
+
+    @abstractmethod
+    def _steepest(self, batch: int, lo: int, hi: int, band: float) -> None:
+        """Set their directions to those of ``steepest``, in lines and planes but for rounding."""
+
+    @abstractmethod
+    def _mean_ascent(self, batch: int, lo: int, hi: int) -> None:
+        """Set their directions to those of ``mean_ascent``, in lines and planes but for rounding."""
 
     @abstractmethod
     def _worst_corner(self) -> tuple[int, float]:

@@ -31,10 +31,9 @@ class NumbaEngine(Engine):
         """threads: how many to use at most; the result does not depend on it."""
         super().__init__(problem)
         self.threads = threads
-        self._points = np.empty((0, problem.dimension))
-        self._largest_ring = int(problem.rings.sizes.max(initial=0))
+        self._points = np.empty((0, problem.components))
         rings, table, freedom = problem.rings, problem.touched.table, problem.freedom
-        self._rings = RingArrays(
+        self._rows = RingArrays(
             *(rings.vertices, rings.start, rings.others, rings.shapes),
             *(table.norm, table.slope, table.curvature, table.factor),
         )
@@ -43,7 +42,6 @@ class NumbaEngine(Engine):
             if freedom is None
             else (freedom.dimension == 1, freedom.axis)
         )
-        self._directions = np.zeros((len(rings.vertices), problem.dimension))
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
 
     def _set(self, points: np.ndarray) -> None:
@@ -52,28 +50,28 @@ class NumbaEngine(Engine):
     def _get(self) -> np.ndarray:
         return self._points
 
-    def relax_batch(self, batch: int, directions: np.ndarray) -> int:
-        return sum(self._run(relax_rings, batch, directions))
+    def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray) -> int:
+        return sum(self._run(relax_rings, lo, hi, directions))
 
-    def _steepest(self, batch: int, band: float) -> np.ndarray:
-        self._run(steepest_directions, batch, self._directions, *self._within, band)
-        return self._directions
+    def _steepest(self, batch: int, lo: int, hi: int, band: float) -> None:
+        self._run(steepest_directions, lo, hi, self._directions, *self._within, band)
 
-    def _mean_ascent(self, batch: int) -> np.ndarray:
-        self._run(mean_directions, batch, self._directions, *self._within)
-        return self._directions
+    def _mean_ascent(self, batch: int, lo: int, hi: int) -> None:
+        self._run(mean_directions, lo, hi, self._directions, *self._within)
 
-    def polish_batch(self, batch: int, directions: np.ndarray, limit: float) -> int:
-        return sum(self._run(polish_rings, batch, directions, limit))
+    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float) -> int:
+        return sum(self._run(polish_rings, lo, hi, directions, limit))
 
-    def _run(self, kernel: Callable[..., Any], batch: int, directions: np.ndarray, *more: Any) -> list[Any]:
-        """The results of a kernel for the rings of a batch, part by part; more: its own arguments."""
+    def _run(
+        self, kernel: Callable[..., Any], lo: int, hi: int, directions: np.ndarray, *more: Any
+    ) -> list[Any]:
+        """The results of a kernel for the rings lo .. hi, part by part; more: its own arguments."""
 
         def part(lo: int, hi: int) -> Any:
             scratch = np.zeros((ROWS, self._largest_ring + WIDTH))
-            return kernel(self._points, directions, lo, hi, self._rings, *more, scratch)
+            return kernel(self._points, directions, lo, hi, self._rows, *more, scratch)
 
-        return self._in_parts(part, *self.problem.batch_start[batch : batch + 2].tolist())
+        return self._in_parts(part, lo, hi)
 
     def _worst_corner(self) -> tuple[int, float]:
         touched = self.problem.touched

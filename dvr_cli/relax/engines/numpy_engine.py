@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 
@@ -28,11 +27,9 @@ class NumpyEngine(Engine):
         """threads: one is used, whatever is asked for."""
         super().__init__(problem)
         self._dimension = problem.dimension
-        self._coordinates = np.empty((problem.dimension, 0))
-        self._directions = np.zeros((len(problem.rings.vertices), problem.dimension))
-        self._batches = [
-            list(ring_chunks(problem, lo, hi)) for lo, hi in pairwise(problem.batch_start.tolist())
-        ]
+        self._coordinates = np.empty((problem.components, 0))
+        parts = [problem.parts(batch) for batch in range(self.batches)]
+        self._batches = [list(ring_chunks(problem, lo, walking)) for lo, walking, _ in parts]
 
     def _set(self, points: np.ndarray) -> None:
         self._coordinates = np.ascontiguousarray(points.T)
@@ -43,24 +40,22 @@ class NumpyEngine(Engine):
     def _worst_corner(self) -> tuple[int, float]:
         return worst_corner(self._get(), self.problem.touched)
 
-    def relax_batch(self, batch: int, directions: np.ndarray) -> int:
+    def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray) -> int:
         return sum(self._relax_chunk(chunk, directions) for chunk in self._batches[batch])
 
-    def _steepest(self, batch: int, band: float) -> np.ndarray:
+    def _steepest(self, batch: int, lo: int, hi: int, band: float) -> None:
         for chunk in self._batches[batch]:
             x, ends, norm, slope, _, factor = self._ring(chunk)
             found = steepest(x, ends, norm, slope, self._within(chunk), band, factor)
             self._directions[chunk.rings] = np.stack(found, axis=1)
-        return self._directions
 
-    def _mean_ascent(self, batch: int) -> np.ndarray:
+    def _mean_ascent(self, batch: int, lo: int, hi: int) -> None:
         for chunk in self._batches[batch]:
             x, ends, norm, slope, _, factor = self._ring(chunk)
             found = mean_ascent(x, ends, norm, slope, self._within(chunk), chunk.real, factor)
             self._directions[chunk.rings] = np.stack(found, axis=1)
-        return self._directions
 
-    def polish_batch(self, batch: int, directions: np.ndarray, limit: float) -> int:
+    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float) -> int:
         return sum(self._polish_chunk(chunk, directions, limit) for chunk in self._batches[batch])
 
     def _within(self, chunk: RingChunk) -> tuple[np.ndarray, list[np.ndarray]] | None:

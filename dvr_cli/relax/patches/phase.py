@@ -98,6 +98,10 @@ class _State:
         self.rules = table.norm, table.factor, freedom.dimension, freedom.axis
         self.quality = corner_qualities(self.points, self._touched)
         self.layers = np.ones(len(self.quality), dtype=np.int64)  # to be freed around each corner
+        free = np.zeros(len(self.points), dtype=bool)
+        free[problem.rings.vertices[problem.free_rings]] = True
+        self._beyond = ~free[self._touched.vertices].any(axis=1)  # the corners all of whose vertices walk
+        self.layers[self._beyond] = LAYERS + 1
 
     @property
     def q1(self) -> float:
@@ -108,7 +112,8 @@ class _State:
         """The reason to end, or None: Q1 is at the target, or every layer was tried around its corner."""
         if target is not None and self.q1 >= target:
             return StopReason.TARGET
-        return StopReason.CONVERGED if self.layers[self.quality.argmin()] > LAYERS else None
+        worst = np.where(self._beyond, np.inf, self.quality).argmin()
+        return StopReason.CONVERGED if self.layers[worst] > LAYERS else None
 
     def worst(self) -> np.ndarray:
         """The worst corners that may gain, worst first; of equals the first."""

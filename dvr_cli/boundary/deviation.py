@@ -1,0 +1,53 @@
+"""Deviation: how far a boundary that has moved is from the one it was, measured from both sides."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.boundary.manifold import Manifold
+
+_CHUNK = 4096  # facets measured at a time
+_GRID = 5  # intervals an edge is cut into
+
+
+def deviation(
+    before: np.ndarray,
+    after: np.ndarray,
+    facets: np.ndarray,
+    patch: np.ndarray,
+    near: np.ndarray,
+    bound: np.ndarray,
+) -> float:
+    """The largest distance between facets at ``before`` and at ``after``, sampled densely both ways.
+
+    before, after: (N, d) coordinates. facets: (F, k) segments or triangles; patch: (F,) the part of the
+    boundary that each belongs to. near: (F,) the facet at ``before`` that each at ``after`` is near to.
+    bound: (F,) a distance that none of its points exceeds; what cannot be farther than what was found already
+    is passed over.
+    """
+    moved = (before != after).any(axis=1)
+    changed = np.flatnonzero(moved[facets].any(axis=1) & (bound > 0.0))
+    changed = changed[np.argsort(-bound[changed], kind="stable")]
+    old, new = Manifold(before, facets, patch), Manifold(after, facets, patch)
+    weights = _grid(facets.shape[1])
+    largest = 0.0
+    for lo in range(0, len(changed), _CHUNK):
+        chunk = changed[lo : lo + _CHUNK]
+        chunk = chunk[bound[chunk] > largest]
+        if not len(chunk):
+            break
+        for manifold, points, start in ((old, after, near[chunk]), (new, before, chunk)):
+            samples = np.einsum("sk,fkd->fsd", weights, points[facets[chunk]])
+            hints = np.repeat(start, len(weights))
+            largest = max(largest, float(manifold.nearest(np.concatenate(samples), hints)[2].max()))
+    return largest
+
+
+def _grid(k: int) -> np.ndarray:
+    """(S, k) barycentric coordinates of points spread evenly over a segment or triangle."""
+    steps = np.arange(_GRID + 1)
+    if k == 2:
+        return np.stack([steps, _GRID - steps], axis=1) / _GRID
+    i, j = np.meshgrid(steps, steps, indexing="ij")
+    inside = i + j <= _GRID
+    return np.stack([i[inside], j[inside], _GRID - (i + j)[inside]], axis=1) / _GRID

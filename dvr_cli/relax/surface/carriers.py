@@ -1,0 +1,306 @@
+"""Carriers: the input's facets and curves that vertices walk on, and where each of these vertices stands.
+
+A vertex on a surface stands on a *facet* of the input, a triangle, at the barycentric coordinates
+(1 - u - w, u, w); one on a curve on a *segment* of the input, at (1 - t, t). Facets lead to each other across
+their edges, unless the edge is a feature or one of the two facets has no area; segments lead to each other at
+the vertices of their curve.
+
+How far the mesh has come from the input is bounded edge by edge and, for the places where vertices of the
+input were, triangle by triangle (see ``overlay``).
+
+All is in the problem's numbering, and laid out in arrays as kernels read them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from dvr_cli.boundary.deviation import deviation
+from dvr_cli.boundary.freedom import unit
+from dvr_cli.boundary.smooth_parts import SmoothParts
+from dvr_cli.mesh.corners import Corners, Simplices
+from dvr_cli.mesh.csr import group
+from dvr_cli.mesh.facets import numbered
+from dvr_cli.mesh.rings import Rings
+from dvr_cli.quality.mean_ratio import cell_normals, turned_over
+
+NOWHERE, CURVE, SURFACE = 0, 1, 2  # the kind of carrier a vertex stands on
+_NO_AREA = 1e-7  # sine of an angle up to which a facet has no inside to walk in
+
+
+class Ground(NamedTuple):
+    """The facets and segments of the input.
+
+    places: (N, 3) where vertices were in the input; in a plane the third coordinate is 0.
+    triangles: (T, 3) vertices of each facet. beyond: (T, 3) the facet across the edge opposite each of them,
+        -1 where walks end. normals: (T, 3) unit, 0 for a facet without area. patch: (T,) the number of its
+        patch. plane: (T,) bool, whether that patch is plane.
+    segments: (S, 2) vertices of each; onward: (S, 2) the segment that goes on beyond each of them, or -1.
+    """
+
+    places: np.ndarray
+    triangles: np.ndarray
+    beyond: np.ndarray
+    normals: np.ndarray
+    patch: np.ndarray
+    plane: np.ndarray
+    segments: np.ndarray
+    onward: np.ndarray
+
+
+class Stars(NamedTuple):
+    """The triangles and edges of the boundary or surface around each vertex.
+
+    Triangles have the numbers of facets: the one is the other's place in the input. An edge is a side of some
+    triangle or a segment of a curve.
+
+    triangle_start: (N + 1,), triangle: those around vertex v at triangle_start[v] .. triangle_start[v + 1].
+    edge_start: (N + 1,), edge, end: likewise the edges at v, and the vertex at the other end of each.
+    of: (E,) for each edge a triangle it is a side of, or -1 - s for one that is segment s of a curve.
+    """
+
+    triangle_start: np.ndarray
+    triangle: np.ndarray
+    edge_start: np.ndarray
+    edge: np.ndarray
+    end: np.ndarray
+    of: np.ndarray
+
+
+class RingCorners(NamedTuple):
+    """The corners of the rings of a surface, entry by entry as ``Rings.others``; empty in other meshes.
+
+    number: (R,) their numbers among the touched corners. triangle: (R,) one that the cell of each is cut in.
+    """
+
+    number: np.ndarray
+    triangle: np.ndarray
+
+
+class Standing(NamedTuple):
+    """Where vertices stand, and bounds on how far the mesh has come from the input. Kernels change it.
+
+    kind: (N,) the carrier of each vertex. at: (N,) its facet or segment, -1 for vertices that do not walk.
+    u, w: (N,) where on it; on a segment u is t.
+    bound: (E,) how far each edge is from the input at most.
+    first: (T,) the first place of an input vertex that a triangle answers for, -1 for none; following: (N,)
+        the next such place; apart: (N,) how far it is from that triangle at most.
+    turned: (C,) the touched corners of a surface that are turned over.
+    next_bound, next_apart, next_host: scratch for a move that is looked at.
+    """
+
+    kind: np.ndarray
+    at: np.ndarray
+    u: np.ndarray
+    w: np.ndarray
+    bound: np.ndarray
+    first: np.ndarray
+    following: np.ndarray
+    apart: np.ndarray
+    turned: np.ndarray
+    next_bound: np.ndarray
+    next_apart: np.ndarray
+    next_host: np.ndarray
+
+
+@dataclass(frozen=True)
+class Carriers:
+    """What the walking vertices of a problem walk on.
+
+    on_surface, on_curve: the vertices that walk. curve: (S,) the number of the curve each segment is of.
+    turned: (C,) bool, the touched corners of a surface that are turned over in the input. limit: how far the
+    mesh may come from the input.
+    """
+
+    ground: Ground
+    stars: Stars
+    corners: RingCorners
+    on_surface: np.ndarray
+    on_curve: np.ndarray
+    curve: np.ndarray
+    turned: np.ndarray
+    limit: float = np.inf
+
+    def standing(self) -> Standing:
+        """Everybody where the input has them."""
+        n, ground, stars = len(self.ground.places), self.ground, self.stars
+        kind = np.zeros(n, dtype=np.uint8)
+        kind[self.on_surface], kind[self.on_curve] = SURFACE, CURVE
+        at = np.full(n, -1, dtype=np.int32)
+        u, w = np.zeros(n), np.zeros(n)
+        # the first facet around with area, and the first segment
+        size = (ground.normals != 0.0).any(axis=1)
+        for carrier, members, usable in (
+            (SURFACE, ground.triangles, size),
+            (CURVE, ground.segments, np.ones(len(ground.segments), dtype=bool)),
+        ):
+            owner, place = np.nonzero((kind[members] == carrier) & usable[:, None])
+            at[members[owner, place][::-1]] = owner[::-1]
+        walks = np.flatnonzero(at >= 0)
+        kind[at < 0] = NOWHERE
+        surface = walks[kind[walks] == SURFACE]
+        u[surface] = ground.triangles[at[surface], 1] == surface
+        w[surface] = ground.triangles[at[surface], 2] == surface
+        curve = walks[kind[walks] == CURVE]
+        u[curve] = ground.segments[at[curve], 1] == curve
+        first = np.full(len(ground.triangles), -1, dtype=np.int32)
+        following = np.full(n, -1, dtype=np.int32)
+        chain = surface[np.argsort(at[surface], kind="stable")]
+        first[at[chain[::-1]]] = chain[::-1]
+        same = at[chain[:-1]] == at[chain[1:]]
+        following[chain[:-1][same]] = chain[1:][same]
+        edges = len(stars.of)
+        return Standing(
+            *(kind, at, u, w, np.zeros(edges), first, following, np.zeros(n), self.turned.copy()),
+            *(np.zeros(edges), np.zeros(n), np.zeros(n, dtype=np.int32)),
+        )
+
+    def deviation(self, standing: Standing, points: np.ndarray) -> float:
+        """The largest distance between the surfaces and curves of the input and those at ``points`` (N, d).
+
+        Measured from both sides. standing: where vertices stand, with bounds that hold.
+        """
+        ground = self.ground
+        before = ground.places[:, : points.shape[1]]
+        near = np.arange(len(ground.triangles))
+        for column in ground.triangles.T[::-1]:
+            near = np.where(standing.kind[column] == SURFACE, standing.at[column], near)
+        along = np.arange(len(ground.segments))
+        for column in ground.segments.T:
+            along = np.where(standing.kind[column] == CURVE, standing.at[column], along)
+        triangles, segments = self.apart(standing)
+        return max(
+            deviation(before, points, ground.triangles, ground.patch, near, triangles),
+            deviation(before, points, ground.segments, self.curve, along, segments),
+        )
+
+    def apart(self, standing: Standing) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds (T,) and (S,) on how far each triangle and segment of the mesh is from the input."""
+        ground, stars = self.ground, self.stars
+        triangle = np.zeros(len(ground.triangles))
+        owner = np.repeat(np.arange(len(ground.places)), np.diff(stars.edge_start))
+        bound = np.zeros(len(ground.places))
+        np.maximum.at(bound, owner, standing.bound[stars.edge])
+        if len(triangle):
+            triangle = bound[ground.triangles].max(axis=1)
+            host = np.flatnonzero(standing.first >= 0)
+            place = standing.first[host]
+            while len(host):
+                np.maximum.at(triangle, host, standing.apart[place])
+                place = standing.following[place]
+                host, place = host[place >= 0], place[place >= 0]
+        return triangle, bound[ground.segments].max(axis=1, initial=0.0)
+
+
+def carriers_of(
+    corners: Corners,
+    points: np.ndarray,
+    parts: SmoothParts,
+    number: np.ndarray,
+    rings: Rings,
+    touched: Simplices,
+    touched_ids: np.ndarray,
+) -> Carriers:
+    """The carriers of a problem.
+
+    corners, points, parts: of the mesh, whose vertices have the ``number`` (N,) in the problem. rings,
+    touched, touched_ids: the problem's.
+    """
+    ground = ground_of(points, parts, number)
+    of_rings = RingCorners(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
+    turned = np.zeros(len(touched.vertices), dtype=bool)
+    if points.shape[1] > corners.dimension:
+        ring = np.full(len(points), -1)
+        ring[rings.vertices] = np.arange(len(rings.vertices))
+        position, _ = group(ring[touched.vertices.ravel()], len(rings.vertices))
+        cell = np.repeat(np.arange(len(corners.start) - 1), np.diff(corners.start))
+        triangle = np.searchsorted(parts.facet, cell)[touched_ids]
+        of_rings = RingCorners(position // 3, triangle[position // 3])
+        turned = turned_over(points, corners, cell_normals(points, corners))[touched_ids]
+    return Carriers(
+        ground=ground,
+        stars=stars_of(ground),
+        corners=of_rings,
+        on_surface=number[parts.on_patch],
+        on_curve=number[parts.on_curve],
+        curve=parts.curve,
+        turned=turned,
+    )
+
+
+def ground_of(points: np.ndarray, parts: SmoothParts, number: np.ndarray) -> Ground:
+    """The ground that ``parts`` are; points: (N, d) of the input, number: (N,) the problem's of each."""
+    places = np.zeros((len(points), 3))
+    places[number, : points.shape[1]] = points
+    triangles = number[parts.triangles].astype(np.int32).reshape(-1, 3)
+    segments = number[parts.segments].astype(np.int32).reshape(-1, 2)
+    a, b, c = places[triangles].swapaxes(0, 1)
+    area = np.cross(b - a, c - a)
+    size = np.sqrt((area * area).sum(axis=1))
+    longest = np.maximum.reduce([((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))])
+    flat = ~(size > _NO_AREA * longest)
+    normals = unit(area)
+    normals[flat] = 0.0
+    return Ground(
+        places=places,
+        triangles=triangles,
+        beyond=_beyond(triangles, segments, flat),
+        normals=normals,
+        patch=parts.patch.astype(np.int32),
+        plane=parts.plane[parts.patch],
+        segments=segments,
+        onward=_onward(segments, number[parts.on_curve], len(points)),
+    )
+
+
+def stars_of(ground: Ground) -> Stars:
+    """The stars of all vertices."""
+    n, triangles, segments = len(ground.places), ground.triangles, ground.segments
+    position, triangle_start = group(triangles.ravel(), n)
+    sides = np.sort(triangles[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2), axis=1)
+    both = np.concatenate([np.sort(segments, axis=1), sides])
+    name = numbered(both)
+    edges = int(name.max(initial=-1)) + 1
+    ends, of = np.empty((edges, 2), dtype=np.int32), np.empty(edges, dtype=np.int32)
+    ends[name[::-1]] = both[::-1]
+    of[name[len(segments) :]] = np.arange(len(sides)) // 3
+    of[name[: len(segments)]] = -1 - np.arange(len(segments))
+    at, edge_start = group(ends.ravel(), n)
+    return Stars(
+        triangle_start=triangle_start,
+        triangle=(position // 3).astype(np.int32),
+        edge_start=edge_start,
+        edge=(at // 2).astype(np.int32),
+        end=ends.ravel()[at ^ 1],
+        of=of,
+    )
+
+
+def _beyond(triangles: np.ndarray, segments: np.ndarray, flat: np.ndarray) -> np.ndarray:
+    """(T, 3) the facet across the edge opposite each vertex; see Ground. flat: (T,) those without area."""
+    sides = triangles[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
+    name = numbered(np.concatenate([sides, segments]))
+    n = int(name.max(initial=-1)) + 1
+    parted = np.zeros(n, dtype=bool)
+    parted[name[len(sides) :]] = True
+    position, start = group(name[: len(sides)], n)
+    pair = start[:-1][(np.diff(start) == 2) & ~parted]
+    one, other = position[pair], position[pair + 1]
+    passable = ~flat[one // 3] & ~flat[other // 3]
+    one, other = one[passable], other[passable]
+    beyond = np.full(3 * len(triangles), -1, dtype=np.int32)
+    beyond[one], beyond[other] = other // 3, one // 3
+    return beyond.reshape(-1, 3)
+
+
+def _onward(segments: np.ndarray, inner: np.ndarray, n: int) -> np.ndarray:
+    """(S, 2) the segment beyond each end, see Ground; inner: the vertices at which curves go on."""
+    position, start = group(segments.ravel(), n)
+    first = start[inner]
+    one, other = position[first], position[first + 1]
+    onward = np.full(2 * len(segments), -1, dtype=np.int32)
+    onward[one], onward[other] = other // 2, one // 2
+    return onward.reshape(-1, 2)

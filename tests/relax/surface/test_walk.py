@@ -1,0 +1,221 @@
+"""Walks on the input's facets: vertices stay on them, the ring gets better, the mesh stays near the input."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import Delaunay
+
+from curved_parts import scanned, wavy
+from dvr_cli.api.boundary import moves_of
+from dvr_cli.mesh.domain import domain_of
+from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.quality.badness import badness_of
+from dvr_cli.quality.mean_ratio import corner_qualities
+from dvr_cli.quality.vector import at_least, ring_minima
+from dvr_cli.relax.directions import random_field
+from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.engines.numpy_engine import NumpyEngine
+from dvr_cli.relax.problem import build_problem
+from dvr_cli.relax.steepest import OPTIMAL, STEEPEST
+
+
+def walkers(mesh: Mesh, limit: float, angle: float = 60.0) -> tuple[Engine, object]:
+    """An engine at the input of a surface, and the domain."""
+    domain = domain_of(mesh)
+    moves = moves_of(mesh, domain, "project", np.ones(len(mesh.points), dtype=bool), angle)
+    problem = build_problem(domain.corners, moves.relaxed, domain.points, parts=moves.parts)
+    engine = NumpyEngine(problem.keeping_within(limit))
+    engine.load(domain.points)
+    return engine, domain
+
+
+def vector_of(engine: Engine, domain) -> np.ndarray:
+    """The quality vector over all relaxed vertices, computed without the engine."""
+    qualities = corner_qualities(engine.points, domain.corners)
+    return np.sort(ring_minima(qualities, domain.corners, len(engine.points))[engine.problem.relaxed])
+
+
+def nearest(triangles: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The distance of each query to the nearest of all triangles, and that triangle, by trimesh."""
+    distance, which = np.empty(len(queries)), np.empty(len(queries), dtype=np.int64)
+    for i, query in enumerate(queries):
+        feet = trimesh.triangles.closest_point(triangles, np.tile(query, (len(triangles), 1)))
+        away = np.linalg.norm(feet - query, axis=1)
+        which[i], distance[i] = away.argmin(), away.min()
+    return distance, which
+
+
+def steps(engine: Engine, domain, kind: str):
+    """Do a sweep, batch by batch."""
+    field = random_field(3, len(domain.points), 1)
+    ascent = {"steepest": STEEPEST, "optimal": OPTIMAL}.get(kind)
+    directions = ascent or field(0, engine.relaxed_points, engine.problem.relaxed)
+    for batch in range(engine.batches):
+        yield engine.move_batch(batch, directions)
+
+
+SURFACES = {
+    "wavy": lambda: wavy(5, 0),
+    "with a crease": lambda: wavy(5, 0, crease=True),
+    "with a slit": lambda: wavy(5, 0, slit=True),
+    "three sheets": lambda: wavy(4, 0, fin=True),
+}
+
+
+@pytest.mark.parametrize("kind", ["random", "steepest", "optimal"])
+@pytest.mark.parametrize("name", SURFACES)
+def test_the_vector_never_decreases_after_any_batch(name, kind):
+    mesh = SURFACES[name]()
+    engine, domain = walkers(mesh, 0.05, 40.0)
+    last, moved = vector_of(engine, domain), 0
+    for number in steps(engine, domain, kind):
+        vector = vector_of(engine, domain)
+        assert at_least(vector, last)
+        last, moved = vector, moved + number
+    assert moved > 0
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_vertices_stay_on_the_facets_and_the_mesh_within_the_limit(name):
+    """By another library: nearest points of vertices, and of dense samples from both sides."""
+    mesh = SURFACES[name]()
+    limit = 0.02
+    engine, domain = walkers(mesh, limit, 40.0)
+    for kind in ("random", "steepest"):
+        list(steps(engine, domain, kind))
+    points = engine.points
+    moved = (points != mesh.points).any(axis=1)
+    assert moved.sum() > 4
+    triangles = mesh.cells[0].vertices
+    before, after = mesh.points[triangles], points[triangles]
+    assert nearest(before, points[moved])[0].max() < 1e-14
+    weights = np.array([w for w in np.ndindex(5, 5, 5) if sum(w) == 4]) / 4
+    for here, there in ((before, after), (after, before)):
+        samples = np.einsum("sk,fkd->fsd", weights, here).reshape(-1, 3)
+        assert nearest(there, samples)[0].max() <= limit
+    assert engine.deviation() <= limit
+
+
+def test_no_triangle_turns_over():
+    """Against the normals of the input's facets nearest to its vertices."""
+    mesh = wavy(6, 3)
+    engine, domain = walkers(mesh, 0.1)
+    for _ in range(3):
+        list(steps(engine, domain, "random"))
+    triangles = mesh.cells[0].vertices
+    p, q, r = mesh.points[triangles].swapaxes(0, 1)
+    normals = np.cross(q - p, r - p)
+    a, b, c = engine.points[triangles].swapaxes(0, 1)
+    below = nearest(mesh.points[triangles], (a + b + c) / 3)[1]
+    assert ((np.cross(b - a, c - a) * normals[below]).sum(axis=1) > 0).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_end_of_a_walk_is_the_best_place_along_the_polyline(seed):
+    """Against looking at places close together along the geodesic that the walk follows.
+
+    On a surface that is bent about one axis only a geodesic is known: it is straight on the surface unrolled.
+    """
+    rng = np.random.default_rng(seed)
+    engine, mesh, centre, rolled = _roof(rng)
+    direction = rng.standard_normal(2)
+    direction /= np.linalg.norm(direction)
+    around = [cell for cell in mesh.cells[0].vertices if centre in cell]
+
+    def least(place):
+        points = mesh.points.copy()
+        points[centre] = place
+        a, b, c = points[around].swapaxes(0, 1)
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        squares = sum(((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a)))
+        return (2 * np.sqrt(3) * area / squares).min()
+
+    row = int(np.flatnonzero(engine.problem.relaxed == centre)[0])
+    directions = np.zeros((len(engine.problem.relaxed), 3))
+    directions[row] = [direction[0], *(direction[1] * np.array([1.0, 0.0]))]
+    batch = int(np.searchsorted(engine.problem.batch_start, row, side="right")) - 1
+    engine.relax_batch(batch, directions)
+    reached = engine.points[centre]
+    flat = rolled.to_flat(reached) - rolled.to_flat(mesh.points[centre])
+    length = np.linalg.norm(flat)
+    assert length > 0.01
+    along = flat / length
+    best = max(
+        (least(rolled.to_space(rolled.to_flat(mesh.points[centre]) + t * along)), t)
+        for t in np.linspace(0, 0.6, 6001)
+    )
+    # each piece's determinants are linear by the normals at its beginning: no more than that is lost
+    assert least(reached) >= best[0] * (1 - 2e-3)
+
+
+class _Rolled:
+    """The surface z = slope |x|, and the plane it is when it is unrolled."""
+
+    def __init__(self, slope: float) -> None:
+        self.stretch, self.slope = np.hypot(1.0, slope), slope
+
+    def to_flat(self, place: np.ndarray) -> np.ndarray:
+        return np.array([place[0] * self.stretch, place[1]])
+
+    def to_space(self, flat: np.ndarray) -> np.ndarray:
+        x = flat[0] / self.stretch
+        return np.array([x, flat[1], self.slope * abs(x)])
+
+
+def _roof(rng):
+    """A fan of triangles around one vertex on one side of a blunt ridge, which walks may cross."""
+    rolled = _Rolled(0.2)
+    x, y = np.meshgrid([-1.0, 0.0, 1.0], [-1.0, -0.3, 0.3, 1.0], indexing="ij")
+    flat = np.column_stack([x.ravel(), y.ravel()])
+    flat = np.vstack(
+        [flat, [[0.55, 0.62], [-0.5, 0.0], [0.5, 0.0], [0.5, -0.65], [-0.5, 0.65], [-0.5, -0.65]]]
+    )
+    points = np.array([[a, b, rolled.slope * abs(a)] for a, b in flat])
+    halves = []
+    for side in (-1, 1):
+        here = np.flatnonzero(side * flat[:, 0] >= 0)
+        halves.append(here[Delaunay(flat[here]).simplices])
+    cells = np.concatenate(halves)
+    a, b, c = flat[cells].swapaxes(0, 1)
+    area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    cells = cells[np.abs(area) > 1e-9]
+    a, b, c = flat[cells].swapaxes(0, 1)
+    area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    cells[area < 0] = cells[area < 0][:, [0, 2, 1]]
+    mesh = Mesh(points, [Cells("triangle", cells)])
+    engine, _ = walkers(mesh, np.inf, 60.0)
+    return engine, mesh, 12, rolled
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from(["plain", "crease", "slit", "fin", "degenerate"]))
+def test_nothing_breaks_whatever_the_surface(seed, kind):
+    """Features, borders, slits, three sheets at an edge, facets of no area: never worse, no NaN."""
+    mesh = wavy(3, seed, **({kind: True} if kind != "plain" else {}))
+    engine, domain = walkers(mesh, 0.05, 35.0)
+    last = vector_of(engine, domain)
+    for number in (*steps(engine, domain, "random"), *steps(engine, domain, "steepest")):
+        assert number >= 0
+    points = engine.points
+    assert np.isfinite(points).all()
+    assert at_least(vector_of(engine, domain), last)
+    assert engine.deviation() <= 0.05
+    limit = badness_of(max(float(engine.qualities().min()), 1e-3), 2)
+    floor = min(float(engine.qualities().min()), 1e-3)
+    for batch in range(engine.batches):
+        engine.polish_batch(batch, engine.mean_ascent(batch), limit)
+    assert np.isfinite(engine.points).all()
+    assert engine.qualities().min() >= floor * (1 - 1e-12)
+
+
+def test_scanned_noise_is_walked_on_far_from_the_origin():
+    mesh = scanned(6)
+    far = Mesh(mesh.points + 1e4, mesh.cells)
+    engine, domain = walkers(far, 0.05)
+    last = vector_of(engine, domain)
+    assert sum(steps(engine, domain, "random")) > 5
+    assert at_least(vector_of(engine, domain), last)
