@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -33,6 +35,21 @@ def name(path: Path) -> str:
 def cited_by(text: str) -> list[tuple[str, str]]:
     """The pages that a source cites, each with the section, if any; lines may be broken anywhere."""
     return _PAGE.findall(re.sub(r"\s+#?\s*", " ", text))
+
+
+def docstrings(path: Path) -> Iterator[str]:
+    """Those of a module and of all that it defines."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            yield ast.get_docstring(node) or ""
+
+
+def test_docstrings_of_the_package_are_sentences_about_the_thing():
+    """As CONTRIBUTING.md has it: they do not begin with What, Where, How, Whether or Which."""
+    question = re.compile(r"(What|Where|How|Whether|Which)\b")
+    found = [(name(path), text) for path in (ROOT / "dvr_cli").rglob("*.py") for text in docstrings(path)]
+    assert len(found) > 1000
+    assert [each for each in found if question.match(each[1])] == []
 
 
 def test_citations_are_found():

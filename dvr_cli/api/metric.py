@@ -15,7 +15,7 @@ from dvr_cli.quality.metric import tensors_of
 
 @dataclass(frozen=True)
 class MetricSource:
-    """Where the tensors of a metric come from.
+    """The origin of the tensors of a metric: arrays, or a point field.
 
     name: how messages call it, and the point field it is. tensors: (N, k, k) where they are known before the
     mesh is, or (N, c) as they were given; None for a field.

@@ -194,12 +194,12 @@ class SmoothOptions:
 
     @cached_property
     def metric_source(self) -> MetricSource | None:
-        """Where the metric comes from, None without one; a file is read, once."""
+        """The origin of the metric, None without one; a file is read, once."""
         return None if self.metric is None else MetricSource.of(self.metric)
 
     @property
     def shape_mode(self) -> str:
-        """What cells are measured against: the option shape, or "metric"."""
+        """The kind of shape that cells are measured against: the option shape, or "metric"."""
         return self.shape if self.metric is None else "metric"
 
     def tensors(self, mesh: Mesh) -> np.ndarray | None:

@@ -1,4 +1,4 @@
-"""Which targets the corners of a domain are measured against, as ``--shape`` and ``--metric`` say."""
+"""The targets that the corners of a domain are measured against, as ``--shape`` and ``--metric`` say."""
 
 from __future__ import annotations
 

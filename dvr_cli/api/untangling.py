@@ -19,7 +19,7 @@ from dvr_cli.relax.untangle.phase import Untangling
 
 
 def untangles(options: SmoothOptions, domain: Domain, before: Quality) -> bool:
-    """Whether a run untangles: if asked for, by default where moving vertices is free and some are inverted.
+    """True if a run untangles: when asked to, by default where vertices are free and elements inverted.
 
     before: the quality of the domain. Elements that their curved shape alone inverts do not count. Raises
     InputError for a surface that is to be untangled.

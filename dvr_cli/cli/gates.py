@@ -53,7 +53,7 @@ def _gate(option: str, text: str, below: bool) -> Gate:
 
 
 def failures(gates: Sequence[Gate], mesh: Mesh, points: np.ndarray, quality: Quality) -> list[str]:
-    """What fails, in words; mesh: with coordinates ``points`` instead of its own, of this quality.
+    """The gates that fail, in words; mesh: with coordinates ``points`` instead of its own, of this quality.
 
     Raises InputError for a measure that its cells do not have.
     """

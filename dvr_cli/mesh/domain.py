@@ -79,11 +79,6 @@ class Domain:
         return self.points.shape[1] > self.dimension
 
     @property
-    def cell_types(self) -> np.ndarray:
-        """(n,) meshio's type name of each cell."""
-        return np.repeat([block.type for block in self.cells], [len(block.vertices) for block in self.cells])
-
-    @property
     def curved_vertices(self) -> np.ndarray:
         """(h,) the vertices that stay because a curved cell has them."""
         none = np.empty(0, dtype=np.int64)

@@ -118,7 +118,7 @@ def _vertices(domain: Domain, element: Element) -> list[int]:
 
 
 def _corners_are_positive(domain: Domain, flat: np.ndarray, element: Element) -> bool:
-    """Whether the element taken as straight is positive."""
+    """True if the element taken as straight is positive."""
     own = domain.corners.part(slice(*domain.corners.start[_cell(domain, element) :][:2]))
     return bool((corner_qualities(flat, own) > 0).all())
 

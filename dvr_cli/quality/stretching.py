@@ -25,7 +25,7 @@ KEPT = 2.0  # aspect from which a cell's own shape is its target; in between it 
 
 
 def coherent(domain: Domain) -> Targets | None:
-    """How near the target of each cell should be to its own shape, None where no stretching is coherent.
+    """Targets between each cell's own shape and the ideal one, None where no stretching is coherent.
 
     Cells that are inverted or next to degenerate have the ideal target.
     """

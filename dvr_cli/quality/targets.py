@@ -23,7 +23,7 @@ FORMED = {2: 1e-6, 3: 1e-4}
 
 @dataclass(frozen=True)
 class Targets:
-    """How near the target of each cell is to its own shape in the input.
+    """The place of each cell's target between the ideal shape and its own in the input.
 
     share: (n_cells,) t, from 0 for the ideal target to 1 for the own shape.
     max_aspect: the largest aspect that is kept, 1 where none is. See ``stretching.coherent``.

@@ -78,7 +78,7 @@ class BoundaryChange:
 
 @dataclass(frozen=True)
 class ShapeUse:
-    """What cells were measured against.
+    """The shapes that cells were measured against.
 
     mode: "auto", "ideal", "input" or "metric". kept: how many cells against their own shape in the input, so
     that the qualities in the report are relative to that. max_aspect: the largest aspect among those kept, or

@@ -61,7 +61,7 @@ def quality_text(report: QualityReport, path: str, bar: str = "#", width: int = 
 
 
 def shape_notes(report: QualityReport) -> list[str]:
-    """What is to be said of a metric, or of cells that are stretched on purpose."""
+    """Notes about a metric, or about cells that are stretched on purpose."""
     use = report.stretched
     if use is None:
         return []
@@ -164,7 +164,7 @@ def _side_by_side(before: Quality, after: Quality, dimension: int) -> list[str]:
 
 
 def _kept(report: SmoothReport) -> list[str]:
-    """What cells were measured against, if not the ideal shapes, and the plain qualities."""
+    """The shapes that cells were measured against, if not the ideal ones, and the plain qualities."""
     if report.plain is None:
         return []
     before, after = report.plain
@@ -188,7 +188,7 @@ def _in_metric(use: ShapeUse) -> str:
 
 
 def _stretched(use: ShapeUse) -> str:
-    """How many cells are stretched on purpose, and by how much."""
+    """The number of cells that are stretched on purpose, and by how much."""
     return f"{_count(use.kept, 'cell')} stretched as their neighbours are, by up to {use.max_aspect:.3g} : 1"
 
 

@@ -78,5 +78,5 @@ def as_mesh(mesh: Any, cells: CellArrays) -> Mesh:
 
 
 def with_points(mesh: Any, points: np.ndarray) -> Any:
-    """What ``as_mesh`` was given, with new coordinates: an array, or an object of the same class."""
+    """The coordinates alone if ``as_mesh`` was given an array, else an object of the same class with them."""
     return points if isinstance(mesh, np.ndarray) else adapter_of(mesh).moved(mesh, points)

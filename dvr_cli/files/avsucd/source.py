@@ -98,7 +98,7 @@ def _ids(numbers: np.ndarray, what: str) -> np.ndarray:
 
 
 def _index(ids: np.ndarray, what: str) -> TagIndex:
-    """What finds nodes or cells by their ids; InputError if one is repeated."""
+    """The positions of nodes or cells by their ids; InputError if one is repeated."""
     repeated = first_repeated(ids)
     if repeated is not None:
         raise InputError(f"there are two {what}s {repeated}")

@@ -143,7 +143,7 @@ class Deck:
         return numbers.reshape(fields.starts.shape)
 
     def says(self, fields: Fields, word: bytes) -> np.ndarray:
-        """Whether the fields hold a word, given in capitals; bool, of their shape."""
+        """True for fields that hold a word, given in capitals; bool, of their shape."""
         places = fields.starts[..., None] + np.arange(len(word))
         letters = self.text.take(places, mode="clip") & 0xDF  # without the bit that tells small ones
         as_long = fields.stops - fields.starts == len(word)
