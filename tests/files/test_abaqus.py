@@ -388,6 +388,18 @@ def test_conversion_keeps_groups_and_names_what_it_cannot(tmp_path):
         convert(Mesh(points, [Cells("polygon5", np.array([[0, 1, 2, 3, 4]]))]), [])
 
 
+@pytest.mark.parametrize(
+    ("kind", "front"), [("PART", ""), ("PART", "*PART, NAME=A\n{}*END PART\n"), ("ASSEMBLY", "")]
+)
+def test_decks_that_break_off_in_a_part_are_refused(kind, front):
+    mesh = "*NODE\n1, 0., 0.\n2, 1., 0.\n3, 1., 1.\n*ELEMENT, TYPE=CPS3\n1, 1, 2, 3\n"
+    text = f"{front.format(mesh)}*{kind}, NAME=B\n{mesh}"
+    line = front.format(mesh).count("\n") + 1
+    with pytest.raises(InputError, match=rf"^line {line}: \*{kind} has no \*END {kind}: truncated$"):
+        opened(text.encode())
+    assert len(opened(f"{text}*End {kind.lower()}\n".encode()).mesh.points) == 3 * text.count("*NODE")
+
+
 @pytest.mark.parametrize("count", COUNTS)
 def test_damaged_decks_are_read_or_refused_in_one_line(count):
     read_again = 0

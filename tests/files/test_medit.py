@@ -305,6 +305,20 @@ def test_refused_with_one_line_that_says_why(text, words):
     assert str(caught.value).isprintable()
 
 
+def test_text_without_end_is_read_if_its_last_line_ends():
+    """Many programs leave End out."""
+    text = FAN[: FAN.index("End")]
+    whole = medit.read(FAN.encode()).mesh
+    assert cells(medit.read(text.encode()).mesh) == cells(whole)
+    begin = text.index("Vertices")
+    for cut in range(begin, len(text) - 1):
+        if text[cut - 1] != "\n":
+            with pytest.raises(InputError):
+                medit.read(text[:cut].encode())
+    with pytest.raises(InputError, match="nothing follows its last keyword 'Tria', and there is no End"):
+        medit.read((text + "Tria\n").encode())
+
+
 @pytest.mark.parametrize(
     ("data", "words"),
     [

@@ -346,6 +346,23 @@ def test_refused_with_one_line_that_says_why(data, words):
     assert str(caught.value).isprintable()
 
 
+def test_files_that_break_off_are_refused():
+    """A square of two triangles, its rows without numbers of their own."""
+    mesh = b"NDIME= 2\nNELEM= 2\n5 0 1 2\n5 0 2 3\nNPOIN= 4\n0.0 0.0\n1.0 0.0\n1.25 1.25\n0.0 1.25\n"
+    marks = b"NMARK= 2\nMARKER_TAG= low\nMARKER_ELEMS= 1\n3 0 1\nMARKER_TAG= top\nMARKER_ELEMS= 1\n3 2 3\n"
+    whole = read(mesh + marks).mesh
+    for cut in range(1, len(mesh)):
+        with pytest.raises(InputError):
+            read(mesh[:cut])
+    assert read(mesh).mesh.points.tolist() == whole.points.tolist()
+    with pytest.raises(InputError, match="it breaks off within a row of NPOIN: truncated"):
+        read(mesh[:-2])
+    with pytest.raises(InputError, match="it breaks off within a row of MARKER_ELEMS: truncated"):
+        read((mesh + marks)[:-1])
+    with pytest.raises(InputError, match="the marker 'top' has no MARKER_ELEMS: truncated"):
+        read((mesh + marks)[: -len(b"MARKER_ELEMS= 1\n3 2 3\n")])
+
+
 def test_content_tells_it():
     for data in (HYBRID, ZONES, SOLID):
         assert format_of(Path("-"), data).name == "su2"

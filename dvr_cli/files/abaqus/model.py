@@ -17,6 +17,7 @@ from dvr_cli.files.numbers_in_text import shown
 from dvr_cli.mesh.mesh import Cells
 
 # Keywords whose nodes or elements are nowhere in the deck as such.
+_CLOSED = ("PART", "INSTANCE", "ASSEMBLY")  # what ends with a keyword of its own
 _REFUSED = {
     "NGEN": "generated nodes",
     "NFILL": "generated nodes",
@@ -109,6 +110,7 @@ class Model:
         self._joined: list[np.ndarray] = []
         self._read_nodes()
         self._read_elements()
+        self._check_end()
 
     @property
     def joined(self) -> np.ndarray:
@@ -136,6 +138,18 @@ class Model:
 
     def _scope(self, kind: str, name: str) -> Scope:
         return self._named.setdefault((kind, name.upper()), Scope(name))
+
+    def _check_end(self) -> None:
+        """Raise InputError for a deck that breaks off in a part, an instance or the assembly."""
+        unclosed: list[Card] = []
+        for card in self.deck.cards:
+            if card.keyword in _CLOSED:
+                unclosed.append(card)
+            elif unclosed and card.keyword == f"END{unclosed[-1].keyword}":
+                unclosed.pop()
+        if unclosed:
+            card = unclosed[-1]
+            raise InputError(f"{self.place(card)}: *{card.keyword} has no *END {card.keyword}: truncated")
 
     def _scopes_of_cards(self) -> list[Scope]:
         scopes, now, outer = [], self.root, self.root

@@ -45,6 +45,7 @@ class TextFile:
         if "Vertices" not in self._spans:
             raise InputError("the section Vertices is missing")
         self._vertices, self._places = self._read_vertices()
+        self._check_end()
 
     @property
     def sections(self) -> list[str]:
@@ -79,6 +80,18 @@ class TextFile:
         """Write the file with the coordinates in ``points`` (N, d) that are ``changed`` (N, d) replaced."""
         starts, ends = (side[:, :-1][changed] for side in self._places)
         write_replaced(file, self._data, starts, ends, points[changed])
+
+    def _check_end(self) -> None:
+        """Raise InputError for a file without End, which many programs leave out, that seems to break off."""
+        name, (start, end) = next(reversed(self._spans.items()))
+        rest = self._text[end:].split()
+        if rest[:1] == [b"End"]:
+            return
+        remedy = "and there is no End: truncated; if it is whole, end the line"
+        if not self._data.rstrip(b" \t").endswith((b"\n", b"\r")):
+            raise InputError(f"it breaks off within its last line, {remedy}")
+        if not self._text[start:end].strip():
+            raise InputError(f"nothing follows its last keyword {shown(name)}, {remedy}")
 
     def _read_vertices(self) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
         """The rows of the section (N, d + 1), and where in the file each number begins and ends."""

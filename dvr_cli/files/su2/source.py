@@ -49,6 +49,7 @@ TYPES = {
 _SIZES = np.zeros(max(TYPES) + 1, dtype=np.int64)
 _SIZES[list(TYPES)] = [CELL_TYPES[name].nodes for name in TYPES.values()]
 _MOST = 1 << 40  # larger counts can only come from damage
+_ROWS = ("NPOIN", "NELEM", "MARKER_ELEMS", "SEND_TO", "SEND_RECV")  # what is followed by rows
 _HELD = "FFD_SURFACE_POINTS"  # rows of a marker, a point and its place in the box
 
 
@@ -97,6 +98,7 @@ class _File:
         self._markers: dict[str, int] = {}
         self._expected: int | None = None  # markers still to come in this zone
         self._marker: int | None = None
+        self._bare = ""  # the name of a marker whose elements are still to come
         self._count: int | None = None  # elements of the marker that SEND_TO interrupts
         self._others: list[str] = []
 
@@ -108,6 +110,10 @@ class _File:
         for at, keyword, value, begin, end in statements:
             self._take(at, keyword, value, begin, end)
         self._finish_zone()
+        if keyword in _ROWS and not self._is_blank(begin, end) and self._data[-1:] not in (b"\n", b"\r"):
+            raise InputError(
+                f"it breaks off within a row of {keyword}: truncated; if it is whole, end that line"
+            )
         if self._zone != self._zones:
             raise InputError(f"NZONE declares {self._zones} zones, but the file has {self._zone}")
         if len({points.shape[1] for points in self._points}) > 1:
@@ -162,11 +168,15 @@ class _File:
         elif keyword == "NMARK":
             self._expected = self._number(at, keyword, value)
         elif keyword == "MARKER_TAG":
+            if self._bare:
+                self._refuse(at, f"the marker before it, {shown(self._bare)}, has no MARKER_ELEMS")
+            self._bare = value.decode("utf-8", "replace")
             name = value.decode("utf-8", "replace")
             self._marker = self._markers.setdefault(name, len(self._markers) + 1)
             self._expected = None if self._expected is None else self._expected - 1
         elif keyword == "MARKER_ELEMS":
             self._count = self._number(at, keyword, value)
+            self._bare = ""
             if self._marker is None:
                 self._refuse(at, "MARKER_ELEMS without a MARKER_TAG before it")
             if self._count == 0 or not self._is_blank(begin, end):
@@ -191,6 +201,8 @@ class _File:
             raise InputError(f"NELEM is missing{where}")
         if self._count is not None:
             raise InputError(f"the elements of the last marker are missing{where}")
+        if self._bare:
+            raise InputError(f"the marker {shown(self._bare)} has no MARKER_ELEMS{where}: truncated")
         if self._expected:
             raise InputError(
                 f"NMARK{where} declares {abs(self._expected)} markers "
