@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 
 from dvr_cli.backend import COMPILED, NUMPY, Backend
 from dvr_cli.errors import UsageError
@@ -15,6 +17,7 @@ from dvr_cli.relax.problem import Problem
 # Loading numba and its cached kernels takes as long as this many vertex updates of the NumPy engine
 # (benchmarks/engines.py); runs converge in some twenty sweeps.
 _REPAYS = 100_000
+_REPAYS_COMPILING = 1_000_000  # the same where the kernels have to be compiled first
 _USUAL_SWEEPS = 20
 _PATCHES = 650  # sweeps of NumPy that patches cost as much as
 _WALK = 500  # updates of NumPy that one on a curved boundary or surface costs as much as
@@ -69,6 +72,17 @@ def has_numba() -> bool:
     return KINDS[COMPILED.name].is_installed
 
 
+def _are_compiled(folders: Sequence[str]) -> bool:
+    """False if it is certain that kernels in these folders of ``relax`` have to be compiled first.
+
+    numba keeps its results beside the sources where it can, else in a place of its own.
+    """
+    relax = Path(__file__).parents[1]
+    if "NUMBA_CACHE_DIR" in os.environ or not os.access(relax, os.W_OK):
+        return True
+    return all(any((relax / folder).glob("__pycache__/*_numba*.nbi")) for folder in folders)
+
+
 def choose_engine(
     name: str, vertices: int, max_iterations: int, patches: bool = False, walking: int = 0
 ) -> EngineKind:
@@ -83,7 +97,9 @@ def choose_engine(
     if name == "auto":
         sweeps = min(max_iterations, _USUAL_SWEEPS)
         work = vertices * (sweeps + (_PATCHES if patches else 0)) + walking * sweeps * _WALK
-        return KINDS[(COMPILED if work > _REPAYS and has_numba() else NUMPY).name]
+        folders = ["."] + ["patches"] * patches + ["surface"] * (walking > 0)
+        repays = _REPAYS if _are_compiled(folders) else _REPAYS_COMPILING
+        return KINDS[(COMPILED if work > repays and has_numba() else NUMPY).name]
     if not KINDS[name].is_installed:
         package = KINDS[name].package
         raise UsageError(f"engine {name}: {package} is not installed (pip install 'dvr-cli[fast]')")

@@ -329,10 +329,27 @@ def test_results_older_than_any_source_they_may_come_from_are_forgotten(tmp_path
     assert index.exists() is not matters
 
 
+def test_kernels_are_compiled_where_results_lie_beside_their_sources(monkeypatch, tmp_path):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setattr(choice, "__file__", str(tmp_path / "engines" / "choice.py"))
+    (tmp_path / "patches" / "__pycache__").mkdir(parents=True)
+    assert not choice._are_compiled(["patches"])
+    (tmp_path / "patches" / "__pycache__" / "solver_numba.solve-1.py311.nbi").touch()
+    assert choice._are_compiled(["patches"])
+    assert not choice._are_compiled([".", "patches"])
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert choice._are_compiled([".", "patches"])
+
+
 def test_auto_takes_numba_where_it_pays(monkeypatch):
     assert choice.choose_engine("auto", 100, 100).name == "numpy"
     assert choice.choose_engine("auto", 10**6, 100).name == "numba"
     assert choice.choose_engine("auto", 10**6, 0).name == "numpy"
+    monkeypatch.setattr(choice, "_are_compiled", lambda folders: False)
+    assert choice.choose_engine("auto", 10_000, 100).name == "numpy"
+    assert choice.choose_engine("auto", 10**6, 100).name == "numba"
+    monkeypatch.setattr(choice, "_are_compiled", lambda folders: True)
+    assert choice.choose_engine("auto", 10_000, 100).name == "numba"
     monkeypatch.setattr(choice, "find_spec", lambda package: None)
     assert choice.choose_engine("auto", 10**6, 100).name == "numpy"
     with pytest.raises(UsageError, match=r"dvr-cli\[fast\]"):
