@@ -80,7 +80,7 @@ def _are_compiled(folders: Sequence[str]) -> bool:
     relax = Path(__file__).parents[1]
     if "NUMBA_CACHE_DIR" in os.environ or not os.access(relax, os.W_OK):
         return True
-    return all(any((relax / folder).glob("__pycache__/*_numba*.nbi")) for folder in folders)
+    return all(any((relax / folder).glob("__pycache__/*.nbi")) for folder in folders)
 
 
 def choose_engine(
