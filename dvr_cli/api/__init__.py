@@ -140,8 +140,8 @@ def mesh_quality(
     stretched = ShapeUse(mode, shapes.kept, shapes.max_aspect) if shapes.kept or metric else None
     summary = summarise(mesh, domain, moves.constraints)
     by = None if by_measure is None else distribution(domain, mesh.points, CELL_MEASURES[by_measure], worst)
-    others = summaries(domain, mesh.points)
-    return QualityReport(summary, len(moves.relaxed), quality, stretched, others, by)
+    others, kept = summaries(domain, mesh.points), shapes.kept_cells
+    return QualityReport(summary, len(moves.relaxed), quality, stretched, others, by, kept)
 
 
 def compare_meshes(meshes: Sequence[Mesh], metric: MetricSource | None = None) -> Comparison:
@@ -168,12 +168,16 @@ def compare_domains(
         usual_moves(mesh, domain, own.held) for mesh, domain, own in zip(meshes, domains, shapes, strict=True)
     ]
     relaxed = [(moves[0] if same else own).relaxed for own in moves]
+    kept = shapes[0].kept_cells if same else None
     if same and (shapes[0].kept or metric):
         corners = shapes[0].corners_free_to_move()
         domains = [replace(domain, corners=corners) for domain in domains]
     reports = [
         QualityReport(
-            summarise(mesh, domain, own.constraints), len(moving), measure(domain, mesh.points, moving)
+            summarise(mesh, domain, own.constraints),
+            len(moving),
+            measure(domain, mesh.points, moving),
+            kept=kept,
         )
         for mesh, domain, own, moving in zip(meshes, domains, moves, relaxed, strict=True)
     ]

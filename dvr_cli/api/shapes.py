@@ -42,6 +42,11 @@ class Shaped:
             return self.metric.max_aspect
         return 1.0 if self.targets is None else self.targets.max_aspect
 
+    @property
+    def kept_cells(self) -> np.ndarray | None:
+        """(n,) bool: the cells that are kept as they are, None where there are none."""
+        return None if self.targets is None or self.targets.max_aspect == 1.0 else self.targets.kept
+
     def corners_free_to_move(self) -> Corners:
         """The corners with the same targets, formed also where no vertex is relaxed."""
         if self.targets is None:

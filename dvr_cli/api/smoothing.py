@@ -133,6 +133,7 @@ def smooth_mesh(
     report = SmoothReport(
         shape=ShapeUse(options.shape_mode, shapes.kept, shapes.max_aspect),
         plain=plain,
+        kept=shapes.kept_cells,
         mesh=summarise(mesh, domain, moves.constraints),
         relaxed=len(relaxed),
         before=before,

@@ -42,16 +42,18 @@ def write_picture(
     title: str,
     text: str,
     sweeps: Sequence[Mapping[str, Any]] | None = None,
+    kept: Any = None,
 ) -> None:
     """Draw a mesh in some states, the points and quality of each by name, into the file at ``path``.
 
     title, text: heading and report on a page of HTML. sweeps: those from the first state to the last.
+    kept: see ``State``.
     """
     from dvr_cli.files import writing
     from dvr_cli.mesh.domain import domain_of
     from dvr_cli.report.picture import State, picture
     from dvr_cli.report.render import picture_file
 
-    drawn = [State(name, points, quality) for name, (points, quality) in states.items()]
+    drawn = [State(name, points, quality, kept) for name, (points, quality) in states.items()]
     figure = picture(domain_of(mesh, straighten=True), drawn, sweeps)
     writing.write_bytes(path, picture_file(path, title, figure, text))

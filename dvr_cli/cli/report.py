@@ -57,7 +57,9 @@ def quality(
         failed = failures(gates, mesh, mesh.points, report.quality)
     if plot is not None:
         text = quality_text(report, str(path), "█")
-        write_picture(plot, mesh, {path.name: (mesh.points, report.quality)}, str(path), text)
+        write_picture(
+            plot, mesh, {path.name: (mesh.points, report.quality)}, str(path), text, kept=report.kept
+        )
     if json:
         emit(as_json(report.record(str(path))))
     elif csv:
@@ -108,7 +110,8 @@ def compare(
             name: (mesh.points, report.quality)
             for name, mesh, report in zip(_short(paths), meshes, comparison.reports, strict=True)
         }
-        write_picture(plot, meshes[0], states, "Comparison", comparison_text(comparison, names))
+        text = comparison_text(comparison, names)
+        write_picture(plot, meshes[0], states, "Comparison", text, kept=comparison.reports[0].kept)
     if given["json"]:
         emit(as_json(comparison.record(names)))
     elif width := columns(sys.stdout):

@@ -99,7 +99,7 @@ def run(
                 progress.show(f"drawing {picture}")
                 summary = smooth_text(result, str(source), str(output))
                 states = {"before": (opened.mesh.points, result.before), "after": (points, result.after)}
-                write_picture(picture, opened.mesh, states, str(output), summary, result.sweeps)
+                write_picture(picture, opened.mesh, states, str(output), summary, result.sweeps, result.kept)
     if not quiet:
         say(smooth_text(result, str(source), str(output), columns(sys.stderr)))
         relaxing = sum(sweep["seconds"] for sweep in result.sweeps)

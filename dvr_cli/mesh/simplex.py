@@ -59,6 +59,25 @@ def back_through(factor: Sequence[np.ndarray] | np.ndarray, vector: Components) 
     ]
 
 
+def solve(factor: Sequence[np.ndarray] | np.ndarray, vector: Components) -> list[np.ndarray]:
+    """L⁻¹ u; see ``through``."""
+    if len(vector) == 2:
+        b = vector[1] / factor[2]
+        return [(vector[0] - factor[1] * b) / factor[0], b]
+    c = vector[2] / factor[5]
+    b = (vector[1] - factor[4] * c) / factor[3]
+    return [(vector[0] - factor[1] * b - factor[2] * c) / factor[0], b, c]
+
+
+def solve_back(factor: Sequence[np.ndarray] | np.ndarray, vector: Components) -> list[np.ndarray]:
+    """L⁻ᵀ u; see ``through``."""
+    a = vector[0] / factor[0]
+    if len(vector) == 2:
+        return [a, (vector[1] - factor[1] * a) / factor[2]]
+    b = (vector[1] - factor[1] * a) / factor[3]
+    return [a, b, (vector[2] - factor[2] * a - factor[4] * b) / factor[5]]
+
+
 def opposite_normal(ends: Sequence[Components]) -> list[np.ndarray]:
     """The normal n of the facet spanned by the d ends of a corner's edges, with det E = e_0 · n.
 

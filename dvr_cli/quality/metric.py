@@ -149,3 +149,13 @@ def _scaled(tensors: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
     """Tensors divided by the largest entry over ``axes``, so that nothing over- or underflows."""
     largest = np.abs(tensors).max(axis=axes, keepdims=True)
     return tensors / np.where(largest > 0, largest, 1.0)
+
+
+def factors_at_vertices(domain: Domain) -> np.ndarray | None:
+    """(N, d(d+1)/2) for each vertex L of the first corner it is in; None where corners have no metric."""
+    corners, table = domain.corners, domain.corners.table
+    if not len(table.factor):
+        return None
+    row = np.zeros(len(domain.points), dtype=np.int64)  # of vertices in no corner any
+    row[corners.vertices[::-1]] = corners.shapes[::-1, :1]
+    return table.factor[row]

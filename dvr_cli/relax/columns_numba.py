@@ -237,6 +237,34 @@ def to_metric(scratch: np.ndarray, row: int, at: int, c: int, d: int) -> None:
 
 
 @inlined
+def solve(scratch: np.ndarray, row: int, at: int, d: int) -> None:
+    """Replace the vector u in column ``at`` of some rows by L⁻¹ u, with L of column 0."""
+    if d == 2:
+        b = scratch[row + 1, at] / scratch[FACTOR + 2, 0]
+        scratch[row, at] = (scratch[row, at] - scratch[FACTOR + 1, 0] * b) / scratch[FACTOR, 0]
+        scratch[row + 1, at] = b
+        return
+    e = scratch[row + 2, at] / scratch[FACTOR + 5, 0]
+    b = (scratch[row + 1, at] - scratch[FACTOR + 4, 0] * e) / scratch[FACTOR + 3, 0]
+    a = scratch[row, at] - scratch[FACTOR + 1, 0] * b - scratch[FACTOR + 2, 0] * e
+    scratch[row, at] = a / scratch[FACTOR, 0]
+    scratch[row + 1, at], scratch[row + 2, at] = b, e
+
+
+@inlined
+def solve_back(scratch: np.ndarray, row: int, at: int, d: int) -> None:
+    """Replace the vector u in column ``at`` of some rows by L⁻ᵀ u, with L of column 0."""
+    a = scratch[row, at] / scratch[FACTOR, 0]
+    scratch[row, at] = a
+    if d == 2:
+        scratch[row + 1, at] = (scratch[row + 1, at] - scratch[FACTOR + 1, 0] * a) / scratch[FACTOR + 2, 0]
+        return
+    b = (scratch[row + 1, at] - scratch[FACTOR + 1, 0] * a) / scratch[FACTOR + 3, 0]
+    e = scratch[row + 2, at] - scratch[FACTOR + 2, 0] * a - scratch[FACTOR + 4, 0] * b
+    scratch[row + 1, at], scratch[row + 2, at] = b, e / scratch[FACTOR + 5, 0]
+
+
+@inlined
 def _through_2d(scratch: np.ndarray, c: int, a: float, b: float) -> tuple[float, float]:
     """L u with L of column c; see ``simplex.through``."""
     return scratch[FACTOR, c] * a + scratch[FACTOR + 1, c] * b, scratch[FACTOR + 2, c] * b

@@ -15,6 +15,8 @@ import numpy as np
 from dvr_cli.boundary.freedom import Freedom, unit
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.domain import Domain
+from dvr_cli.mesh.simplex import solve
+from dvr_cli.quality.metric import factors_at_vertices
 from dvr_cli.relax.steepest import OPTIMAL, STEEPEST, Ascent
 
 # (sweep k from 0, coordinates (n, d) of the relaxed vertices, their indices (n,)) -> (n, d), or how to find
@@ -69,16 +71,28 @@ def restrict_field(field: DirectionField, freedom: Freedom) -> DirectionField:
     return inside
 
 
-def random_field(dimension: int, n_points: int, seed: int) -> DirectionField:
-    """Directions drawn uniformly anew for each vertex and sweep, from a generator keyed by (seed, sweep)."""
+def random_field(
+    dimension: int, n_points: int, seed: int, factor: np.ndarray | None = None
+) -> DirectionField:
+    """Directions drawn uniformly anew for each vertex and sweep, from a generator keyed by (seed, sweep).
+
+    factor: (N, d(d+1)/2) for each vertex the L of a metric, through which they are uniform.
+    """
 
     def field(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
         generator = np.random.Generator(np.random.Philox(key=np.array([seed, sweep + 1], dtype=np.uint64)))
         # drawn for every vertex of the mesh, so that a vertex's direction does not depend on I_R or its order
         vectors = generator.standard_normal((n_points, dimension))[vertices]
+        if factor is not None:
+            vectors = np.stack(solve(factor[vertices].T, list(vectors.T)), axis=1)
         return vectors / np.sqrt(np.square(vectors).sum(axis=1, keepdims=True))
 
     return field
+
+
+def _random_of(domain: Domain, seed: int) -> DirectionField:
+    """Random directions in a domain, through its metric if it has one."""
+    return random_field(domain.points.shape[1], len(domain.points), seed, factors_at_vertices(domain))
 
 
 def constant_field(vector: np.ndarray) -> DirectionField:
@@ -139,7 +153,7 @@ def array_field(vectors: np.ndarray, period: int = 1) -> DirectionField:
 
 
 _REGISTRY = (
-    Direction("random", lambda to: [random_field(to.domain.points.shape[1], len(to.domain.points), to.seed)]),
+    Direction("random", lambda to: [_random_of(to.domain, to.seed)]),
     Direction("x", partial(coordinate_fields, "x")),
     Direction("y", partial(coordinate_fields, "y")),
     Direction("z", partial(coordinate_fields, "z")),

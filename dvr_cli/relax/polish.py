@@ -19,11 +19,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from dvr_cli.boundary.freedom import project
-from dvr_cli.mesh.simplex import Components, dot, opposite_normal, subtract
+from dvr_cli.mesh.simplex import Components, dot, opposite_normal, solve, solve_back, subtract
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.line import GAIN, ROUNDING, Lines, flatness
-from dvr_cli.relax.steepest import gradient
+from dvr_cli.relax.steepest import gradient, own_measure
 
 SUM_GAIN = 1e-9  # relative fall of the sum below which a vertex stays where it is
 CLOSE = 1e-4  # relative length of the last Newton step
@@ -88,6 +88,9 @@ def mean_ascent(
         inverse = s * (1.0 / v if d == 2 else inverse_power(v))
         total = [_sum(inverse * g, real) for g in gradient(edges, normal, v, s, slope, factor)]
         total = total if within is None else project(total, *within)
+        if factor is not None:
+            own = own_measure(factor, within)
+            total = solve(own, solve_back(own, total))
         length = dot(total, total)
         usable = (badness(v, s, d).max(axis=0) < np.inf) & (length > 0.0) & (length < np.inf)
         root = np.sqrt(length)

@@ -17,11 +17,13 @@ from dvr_cli.relax.columns_numba import (
     V1,
     RingArrays,
     set_ring,
+    solve,
+    solve_back,
 )
 from dvr_cli.relax.line import GAIN, ROUNDING
 from dvr_cli.relax.line_numba import root, s_at, v_at, worst_corner
 from dvr_cli.relax.polish import CLOSE, CUBE_ROOT, INSIDE, MAX_CLIPS, MAX_STEPS, SUM_GAIN
-from dvr_cli.relax.steepest_numba import gradient, project
+from dvr_cli.relax.steepest_numba import gradient, moves_anywhere, project
 
 
 @compiled
@@ -95,6 +97,9 @@ def mean_directions(
                 scratch[GRADIENT + i, total] = here if c == 0 else scratch[GRADIENT + i, total] + here
         if len(axis):
             project(on_line[ring], axis, ring, d, scratch, total)
+        if len(rings.factor) and moves_anywhere(axis, ring):
+            solve_back(scratch, GRADIENT, total, d)
+            solve(scratch, GRADIENT, total, d)
         length = scratch[GRADIENT, total] * scratch[GRADIENT, total]
         for i in range(1, d):
             length = length + scratch[GRADIENT + i, total] * scratch[GRADIENT + i, total]

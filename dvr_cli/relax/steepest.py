@@ -7,6 +7,10 @@ once. Where the hull contains zero there is no such direction: but for the width
 count as nearly worst, the vertex is at the optimum over all of its line, plane or space, of which there is
 one only, since each 1/Q is jointly convex in the position (paper Remark 4.8).
 
+In a metric vectors are measured through L of the ring's first corner, so that a stretched mesh in its metric
+moves as one that is neither: with g' = L⁻ᵀ g for the gradients the shortest vector u' of their hull gives
+L⁻¹ u'. Where a vertex is not free to move anywhere they are measured as they are.
+
 Arrays have shape (K, n) as in ``line``; the compiled twin does the same operations vertex by vertex.
 """
 
@@ -18,7 +22,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvr_cli.boundary.freedom import project
-from dvr_cli.mesh.simplex import Components, back_through, dot, opposite_normal, subtract, through
+from dvr_cli.mesh.simplex import (
+    Components,
+    back_through,
+    dot,
+    opposite_normal,
+    solve,
+    solve_back,
+    subtract,
+    through,
+)
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
 
@@ -77,12 +90,39 @@ def steepest(
         largest = now.max(axis=0)
         active = now >= least_badness(largest, band, d)
         vectors = gradient(edges, normal, v, s, slope, factor)
+        own = None if factor is None else own_measure(factor, within)
+        if own is not None:
+            vectors, normal = solve_back(own, vectors), solve_back(own, normal)
         if (tangled := largest == np.inf).any():
             size = np.sqrt(dot(normal, normal))
             vectors = [np.where(tangled, n / size, g) for n, g in zip(normal, vectors, strict=True)]
         vectors = vectors if within is None else project(vectors, *within)
         active &= dot(vectors, vectors) < np.inf
-        return _shortest_in_hull(vectors, active, now.argmax(axis=0))
+        found = _shortest_in_hull(vectors, active, now.argmax(axis=0))
+        return found if own is None else unit_through(own, found)
+
+
+def own_measure(
+    factor: Sequence[np.ndarray], within: tuple[np.ndarray, Components] | None
+) -> list[np.ndarray]:
+    """Entries (n,) of the L that directions are measured through: that of each ring's first corner.
+
+    within: as for ``steepest``; where it leaves less than all directions L is the identity.
+    """
+    first = [entry[0] for entry in factor]
+    if within is None:
+        return first
+    d = len(within[1])
+    free = np.logical_and.reduce([axis == 0.0 for axis in within[1]])
+    diagonal = (0, 2) if d == 2 else (0, 3, 5)
+    return [np.where(free, entry, float(i in diagonal)) for i, entry in enumerate(first)]
+
+
+def unit_through(own: Sequence[np.ndarray], vectors: Components) -> list[np.ndarray]:
+    """L⁻¹ u of vectors u, of unit length, or zero where u is."""
+    vectors = solve(own, vectors)
+    length = np.sqrt(dot(vectors, vectors))
+    return [np.where(length > 0.0, component / length, 0.0) for component in vectors]
 
 
 def gradient(

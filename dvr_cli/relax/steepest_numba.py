@@ -18,6 +18,8 @@ from dvr_cli.relax.columns_numba import (
     WEIGHT,
     RingArrays,
     set_ring,
+    solve,
+    solve_back,
     to_metric,
 )
 from dvr_cli.relax.line_numba import worst_corner
@@ -51,12 +53,15 @@ def steepest_directions(
         worst = worst_corner(scratch, n, 0.0, d)
         largest = scratch[BADNESS, worst]
         count, initial = 0, -1
+        own = len(rings.factor) > 0 and moves_anywhere(axis, ring)
         for c in range(n):
             if scratch[BADNESS, c] >= largest * keep:
                 if largest < np.inf:
                     gradient(points, vertex, c, d, len(rings.factor) > 0, scratch, count)
+                    if own:
+                        solve_back(scratch, GRADIENT, count, d)
                 else:
-                    _raising(c, d, scratch, count)
+                    _raising(c, d, own, scratch, count)
                 if len(axis):
                     project(on_line[ring], axis, ring, d, scratch, count)
                 if _size(scratch, count, d) < np.inf:
@@ -64,6 +69,8 @@ def steepest_directions(
                         initial = count
                     count += 1
         _shortest_in_hull(directions, ring, initial, count, d, scratch)
+        if own:
+            _unit_through(directions, ring, d, scratch)
 
 
 @inlined
@@ -88,14 +95,39 @@ def gradient(
 
 
 @inlined
-def _raising(c: int, d: int, scratch: np.ndarray, to: int) -> None:
-    """The unit vector against which the determinant of column c grows, put into column ``to``."""
-    size = scratch[NORMAL, c] * scratch[NORMAL, c]
-    for i in range(1, d):
-        size = size + scratch[NORMAL + i, c] * scratch[NORMAL + i, c]
-    size = np.sqrt(size)
+def moves_anywhere(axis: np.ndarray, ring: int) -> bool:
+    """Whether the ring's vertex is free to move in all directions; axis: as for ``steepest_directions``."""
+    if len(axis):
+        for i in range(axis.shape[1]):
+            if axis[ring, i] != 0.0:
+                return False
+    return True
+
+
+@inlined
+def _raising(c: int, d: int, own: bool, scratch: np.ndarray, to: int) -> None:
+    """The unit vector against which the determinant of column c grows, put into column ``to``.
+
+    own: whether vectors are measured through L of the ring's first corner.
+    """
     for i in range(d):
-        scratch[GRADIENT + i, to] = scratch[NORMAL + i, c] / size
+        scratch[GRADIENT + i, to] = scratch[NORMAL + i, c]
+    if own:
+        solve_back(scratch, GRADIENT, to, d)
+    size = np.sqrt(_size(scratch, to, d))
+    for i in range(d):
+        scratch[GRADIENT + i, to] = scratch[GRADIENT + i, to] / size
+
+
+@inlined
+def _unit_through(directions: np.ndarray, row: int, d: int, scratch: np.ndarray) -> None:
+    """See ``steepest.unit_through``, of a row of ``directions``."""
+    for i in range(d):
+        scratch[GRADIENT + i, 0] = directions[row, i]
+    solve(scratch, GRADIENT, 0, d)
+    length = np.sqrt(_size(scratch, 0, d))
+    for i in range(d):
+        directions[row, i] = scratch[GRADIENT + i, 0] / length if length > 0.0 else 0.0
 
 
 @inlined

@@ -27,11 +27,21 @@ _PICKED = 0.05  # share of the elements that is picked out at most
 
 @dataclass(frozen=True)
 class State:
-    """A mesh to be drawn: its name, its points (N, 2|3) as the mesh gives them, its quality."""
+    """A mesh to be drawn: its name, its points (N, 2|3) as the mesh gives them, its quality.
+
+    kept: (n,) bool, the elements that keep their shape and are drawn apart; None for none.
+    """
 
     name: str
     points: np.ndarray
     quality: Quality
+    kept: np.ndarray | None = None
+
+    @property
+    def colours(self) -> np.ndarray:
+        """(n,) the quality of each element, masked where it is kept."""
+        elements = self.quality.elements
+        return elements if self.kept is None else np.ma.masked_array(elements, self.kept)
 
     @property
     def label(self) -> str:
@@ -74,7 +84,7 @@ def _meshes(figure: SubFigure, domain: Domain, states: Sequence[State], rows: in
     for one in axes.ravel():
         one.axis("off")
     for i, state in enumerate(states):
-        points, elements = domain.flatten(state.points), state.quality.elements
+        points, elements = domain.flatten(state.points), state.colours
         picked = state.quality.worst[: max(1, int(_PICKED * len(elements)))]
         worst = np.searchsorted(domain.cell_ids, [element.cell for element in picked]).tolist()
         title = f"{state.label}: worst quality {state.quality.minimum:.4g}"
@@ -90,7 +100,8 @@ def _meshes(figure: SubFigure, domain: Domain, states: Sequence[State], rows: in
     extend = "min" if any(state.quality.minimum < 0 for state in states) else "neither"
     side, length = ("right", 0.7) if columns > 1 else ("bottom", 0.4)
     bar = figure.colorbar(drawn, ax=axes, location=side, shrink=length, aspect=30, pad=0.02, extend=extend)
-    bar.set_label("mean ratio")
+    kept = any(state.kept is not None for state in states)
+    bar.set_label("mean ratio (light blue: cells that are kept)" if kept else "mean ratio")
 
 
 def _aspect(domain: Domain, points: np.ndarray) -> float:

@@ -2,7 +2,8 @@
 
 A planar mesh is drawn as it is. Of a volume mesh there are two views, both by parallel projection with faces
 drawn from back to front: the boundary with the worst elements picked out, and the rest when the cells
-before a plane are taken away. The colour of a face is the quality of its cell.
+before a plane are taken away. The colour of a face is the quality of its cell, where that is not masked: kept
+cells, whose quality says nothing, are.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from dvr_cli.mesh.facets import Facets, facets_of
 from dvr_cli.mesh.mesh import Cells
 
 INVERTED = "#d55e00"  # vermilion: told from every colour of the scale, also by the colour-blind
+KEPT = "#56b4e9"  # sky blue: the same
 _RASTER = 3000  # faces from which on a picture is stored as pixels
 _FINE = 20_000  # faces from which on their edges would only cover them
 _FEW = 1000  # cells up to which one that is picked out is seen without a ring around it
@@ -26,8 +28,8 @@ _TO_VIEWER = np.array([0.52, -0.74, 0.43]) / np.linalg.norm([0.52, -0.74, 0.43])
 
 
 def colour_scale() -> Colormap:
-    """cividis for qualities from 0 to 1, another colour below 0; told apart by the colour-blind."""
-    return colormaps["cividis"].with_extremes(under=INVERTED)
+    """cividis for qualities from 0 to 1, another colour below 0, and one for what is masked."""
+    return colormaps["cividis"].with_extremes(under=INVERTED, bad=KEPT)
 
 
 def plot_plane(

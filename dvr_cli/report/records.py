@@ -96,6 +96,7 @@ class QualityReport:
 
     stretched: the cells that ``--shape auto`` would keep, or the metric; None if there is neither. measures:
     those beside the mean ratio. by: the cells by the measure that was asked for, None for the mean ratio.
+    kept: (n,) bool, which of the domain's cells would be kept, None if there are none.
     """
 
     mesh: MeshSummary
@@ -104,6 +105,7 @@ class QualityReport:
     stretched: ShapeUse | None = None
     measures: list[Summary] = field(default_factory=list)
     by: Distribution | None = None
+    kept: np.ndarray | None = None
 
     @property
     def distribution(self) -> Distribution:
@@ -146,7 +148,8 @@ class SmoothReport:
     boundary: what became of a boundary or surface on which vertices walked, else None.
     seconds: time of the relaxation, reading and writing aside.
     shape: what cells were measured against. plain: where some were kept, or in a metric, the qualities
-        before and after with ideal targets for all.
+        before and after with ideal targets for all. kept: (n,) bool, the cells of the domain that are kept as
+        they are, None where there are none.
     """
 
     mesh: MeshSummary
@@ -165,6 +168,7 @@ class SmoothReport:
     boundary: BoundaryChange | None = None
     shape: ShapeUse = ShapeUse("ideal", 0, 1.0)
     plain: tuple[Quality, Quality] | None = None
+    kept: np.ndarray | None = None
 
     @property
     def untangling(self) -> UntanglePhase | None:

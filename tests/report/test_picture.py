@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection, PolyCollection
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import StepPatch
 
@@ -14,7 +15,7 @@ from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.report.picture import State, picture
 from dvr_cli.report.plot import plot_histogram, plot_sweeps, plot_vectors, styles
-from dvr_cli.report.plot_mesh import INVERTED, colour_scale, plot_boundary, plot_cut, plot_surface
+from dvr_cli.report.plot_mesh import INVERTED, KEPT, colour_scale, plot_boundary, plot_cut, plot_surface
 from dvr_cli.report.render import render
 from meshes import KINDS, delaunay, grid, random_mesh
 
@@ -39,6 +40,36 @@ def polygons(axes):
     """Corners and value of each polygon in a picture of a mesh, by their place in it."""
     (collection, *_) = [artist for artist in axes.collections if isinstance(artist, PolyCollection)]
     return [path.vertices[:-1] for path in collection.get_paths()], collection.get_array()
+
+
+def test_kept_cells_are_drawn_apart():
+    """Layers of flat quadrilaterals under squares: the flat ones have a colour of their own."""
+    points, boxes = grid(8, 2)
+    height = np.array([0.0, 0.01, 0.02, 0.03, 0.04, 0.2, 0.4, 0.6, 0.8])
+    points[:, 1] = height[np.rint(8 * points[:, 1]).astype(int)]
+    mesh = Mesh(points, [Cells("quad", boxes)])
+    moved, report = smooth_mesh(mesh, SmoothOptions(engine="numpy", boundary="slide"), means=True)
+    flat = points[boxes][:, :, 1].max(axis=1) < 0.05
+    assert report.kept is not None
+    assert report.kept[flat].all()
+    assert not report.kept[points[boxes][:, :, 1].min(axis=1) > 0.3].any()
+    assert (mesh_quality(mesh).kept == report.kept).all()
+    states = [
+        State(name, where, quality, report.kept)
+        for name, where, quality in (("before", points, report.before), ("after", moved, report.after))
+    ]
+    figure = picture(domain_of(mesh), states, report.sweeps)
+    for name, quality in (("before", report.before), ("after", report.after)):
+        axes = axes_titled(figure, name)
+        _, values = polygons(axes)
+        assert (np.ma.getmaskarray(values) == report.kept).all()
+        assert (values.data == quality.elements).all()
+        FigureCanvasAgg(figure).draw()
+        (collection, *_) = [artist for artist in axes.collections if isinstance(artist, PolyCollection)]
+        colours = collection.get_facecolors()[:, :3]
+        assert np.allclose(colours[report.kept], to_rgb(KEPT))
+        assert not np.isclose(colours[~report.kept], to_rgb(KEPT)).all(axis=1).any()
+    assert any("kept" in axes.get_ylabel() + axes.get_xlabel() for axes in figure.axes)
 
 
 # --------------------------------------------------------------------------------------------- the numbers
