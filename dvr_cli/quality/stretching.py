@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.mesh.corners import Corners
+from dvr_cli.mesh.corners import Corners, ShapeTable
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.mesh.orientation import connected_parts
@@ -21,6 +21,7 @@ from dvr_cli.quality.targets import FORMED, Targets
 
 SEED = 5.0  # aspect from which stretching is deliberate, averaged three times
 GROWN = 1.5  # aspect down to which it spreads, averaged twice
+LIKELY = 4.75  # aspect from which a rough estimate leaves a cell among those that may be seeds
 KEPT = 2.0  # aspect from which a cell's own shape is its target; in between it is a blend
 
 
@@ -32,12 +33,11 @@ def coherent(domain: Domain) -> Targets | None:
     corners, points = domain.corners, domain.points
     cells = _Cells(domain)
     quality = corner_qualities(points, corners, domain.backend)
-    # no average has a larger aspect than the average of what each corner's quality allows
-    most = cells.thrice(cells.from_corners(_largest_log_aspect(quality, domain.dimension)))
-    likely = np.flatnonzero(most >= np.log(SEED))
+    positive = corners.by_cell(np.minimum, quality) > FORMED[domain.dimension]
+    parts = corners.vertices, corners.shapes, corners.start, roots(corners.table)
+    likely = np.flatnonzero(domain.backend.twin(candidates)(points, *parts, quality, positive))
     if not len(likely):
         return None
-    positive = corners.by_cell(np.minimum, quality) > FORMED[domain.dimension]
     stretching = cells.from_corners(_stretching(points, corners, cells.around(likely) & positive))
     seeds = likely[_log_aspect(cells.thrice(stretching)[likely]) >= np.log(SEED)]
     if not len(seeds):
@@ -99,6 +99,34 @@ class _Cells:
         return joined & with_seed[part[own]]
 
 
+def candidates(
+    points: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
+    start: np.ndarray,
+    root: np.ndarray,
+    quality: np.ndarray,
+    positive: np.ndarray,
+) -> np.ndarray:
+    """(n,) bool: cells among which all seeds are; which others are there makes no difference.
+
+    So twins may differ here. This one goes by ``quality`` (C,): no average has a larger aspect than the
+    average of what each corner's quality allows. vertices, shapes, start: of Corners. root: see ``roots``.
+    positive: (n,) bool, the cells that have a shape.
+    """
+    dimension = vertices.shape[1] - 1
+    most = np.add.reduceat(_largest_log_aspect(quality, dimension), start[:-1]) / np.diff(start)
+    most = most[:, None]
+    for _ in range(3):
+        most = averaged(most, vertices, start, len(points))
+    return most[:, 0] >= np.log(SEED)
+
+
+def roots(table: ShapeTable) -> np.ndarray:
+    """(S, d, d) W⁻¹ of each target of a table, up to size and rotation of W."""
+    return np.linalg.cholesky(table.matrices)
+
+
 def averaged(values: np.ndarray, vertices: np.ndarray, start: np.ndarray, n_points: int) -> np.ndarray:
     """(n, k) values of cells averaged to vertices and back; a vertex counts once for each corner it is in.
 
@@ -132,7 +160,7 @@ def _stretching(points: np.ndarray, corners: Corners, wanted: np.ndarray) -> np.
     space = points.shape[1]
     j, k = np.triu_indices(space, 1)
     result = np.zeros((len(corners.vertices), space + len(j)))
-    inverse = np.linalg.cholesky(corners.table.matrices)  # W⁻¹ of each row, up to size and rotation of W
+    inverse = roots(corners.table)
     rows = np.flatnonzero(np.repeat(wanted, np.diff(corners.start)))
     for chunk in chunks(len(rows)):
         here = rows[chunk]

@@ -1,10 +1,15 @@
-"""Averages over cells compiled: the same sums in the same order as ``stretching``."""
+"""Averages over cells compiled: the same sums in the same order as ``stretching``; a search of its own."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, inlined
+from dvr_cli.quality.stretching import LIKELY
+
+_LEVEL = np.log(LIKELY)
+_FLAT = 1e-14  # least eigenvalue of A Aᵀ, relative to the largest, that is told from zero
+_ALIKE = 1e-3  # relative difference of eigenvalues below which their logarithms differ as they do
 
 
 @compiled
@@ -32,3 +37,215 @@ def averaged(values: np.ndarray, vertices: np.ndarray, start: np.ndarray, n_poin
         for i in range(parts):
             result[cell, i] /= (start[cell + 1] - start[cell]) * width
     return result
+
+
+@compiled
+def candidates(
+    points: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
+    start: np.ndarray,
+    root: np.ndarray,
+    quality: np.ndarray,
+    positive: np.ndarray,
+) -> np.ndarray:
+    """As ``stretching.candidates``, by averages of L to a few digits, and these only where they may matter.
+
+    The third average in a cell is one of those at vertices (T) within two rings of it, so that its aspect is
+    not above the largest of theirs.
+    """
+    n, n_points, width = len(start) - 1, len(points), vertices.shape[1]
+    parts = width * (width - 1) // 2
+    here = np.empty(parts)
+    count, total = np.zeros(n_points), np.zeros((n_points, parts))
+    for cell in range(n):
+        here[:] = 0.0
+        if positive[cell]:
+            for c in range(start[cell], start[cell + 1]):
+                if width == 3:
+                    _add_stretching_2d(points, vertices, c, root, shapes[c, 0], here)
+                else:
+                    _add_stretching_3d(points, vertices, c, root, shapes[c, 0], here)
+        for i in range(parts):
+            here[i] /= start[cell + 1] - start[cell]
+        for c in range(start[cell], start[cell + 1]):
+            for k in range(width):
+                count[vertices[c, k]] += 1.0
+                for i in range(parts):
+                    total[vertices[c, k], i] += here[i]
+    rings = np.full(n_points, 9, dtype=np.int8)  # from a vertex whose average has such an aspect
+    found = False
+    for vertex in range(n_points):
+        for i in range(parts):
+            total[vertex, i] /= max(count[vertex], 1.0)
+        if _log_aspect(total[vertex]) >= _LEVEL:
+            rings[vertex] = 0
+            found = True
+    result = np.zeros(n, dtype=np.bool_)
+    if not found:
+        return result
+    least = np.empty(n, dtype=np.int8)
+    for ring in range(4):
+        _least_of_cells(rings, vertices, start, least)
+        for cell in range(n):
+            if least[cell] == ring:
+                for c in range(start[cell], start[cell + 1]):
+                    for k in range(width):
+                        rings[vertices[c, k]] = min(rings[vertices[c, k]], ring + 1)
+    _least_of_cells(rings, vertices, start, least)
+    for away in (4, 3):
+        total = _averaged_within(total, count, vertices, start, least, away)
+    for cell in range(n):
+        if least[cell] <= 2:
+            _mean_of_cell(total, vertices, start, cell, here)
+            result[cell] = _log_aspect(here) >= _LEVEL
+    return result
+
+
+@compiled
+def _least_of_cells(rings: np.ndarray, vertices: np.ndarray, start: np.ndarray, least: np.ndarray) -> None:
+    """Fill ``least`` (n,) with the smallest of ``rings`` (N,) among the vertices of each cell."""
+    for cell in range(len(least)):
+        least[cell] = 9
+        for c in range(start[cell], start[cell + 1]):
+            for k in range(vertices.shape[1]):
+                least[cell] = min(least[cell], rings[vertices[c, k]])
+
+
+@compiled
+def _averaged_within(
+    total: np.ndarray,
+    count: np.ndarray,
+    vertices: np.ndarray,
+    start: np.ndarray,
+    least: np.ndarray,
+    away: int,
+) -> np.ndarray:
+    """Values of vertices (N, k) averaged to cells and back, over cells no more than ``away`` rings away."""
+    result = np.zeros_like(total)
+    here = np.empty(total.shape[1])
+    for cell in range(len(least)):
+        if least[cell] <= away:
+            _mean_of_cell(total, vertices, start, cell, here)
+            for c in range(start[cell], start[cell + 1]):
+                for k in range(vertices.shape[1]):
+                    for i in range(len(here)):
+                        result[vertices[c, k], i] += here[i]
+    for vertex in range(len(result)):
+        for i in range(len(here)):
+            result[vertex, i] /= max(count[vertex], 1.0)
+    return result
+
+
+@inlined
+def _mean_of_cell(
+    total: np.ndarray, vertices: np.ndarray, start: np.ndarray, cell: int, here: np.ndarray
+) -> None:
+    """Fill ``here`` (k,) with the mean of vertices' values (N, k) over those of a cell."""
+    here[:] = 0.0
+    for c in range(start[cell], start[cell + 1]):
+        for k in range(vertices.shape[1]):
+            for i in range(len(here)):
+                here[i] += total[vertices[c, k], i]
+    for i in range(len(here)):
+        here[i] /= (start[cell + 1] - start[cell]) * vertices.shape[1]
+
+
+@inlined
+def _add_stretching_2d(
+    points: np.ndarray, vertices: np.ndarray, c: int, root: np.ndarray, k: int, here: np.ndarray
+) -> None:
+    """Add L of corner c, its diagonal and then its upper triangle; k: the row of its target."""
+    o, p, q = vertices[c, 0], vertices[c, 1], vertices[c, 2]
+    e0, f0 = points[p, 0] - points[o, 0], points[q, 0] - points[o, 0]
+    e1, f1 = points[p, 1] - points[o, 1], points[q, 1] - points[o, 1]
+    a0, a1 = e0 * root[k, 0, 0] + f0 * root[k, 1, 0], e0 * root[k, 0, 1] + f0 * root[k, 1, 1]
+    b0, b1 = e1 * root[k, 0, 0] + f1 * root[k, 1, 0], e1 * root[k, 0, 1] + f1 * root[k, 1, 1]
+    xx, yy, xy = a0 * a0 + a1 * a1, b0 * b0 + b1 * b1, a0 * b0 + a1 * b1
+    mean, half = (xx + yy) / 2.0, (xx - yy) / 2.0
+    radius = np.sqrt(half * half + xy * xy)
+    if radius > 0.0:
+        grows = np.log((mean + radius) / max(mean - radius, _FLAT * mean)) / (2.0 * radius)
+        here[0] -= grows * half
+        here[1] += grows * half
+        here[2] -= grows * xy
+
+
+@inlined
+def _add_stretching_3d(
+    points: np.ndarray, vertices: np.ndarray, c: int, root: np.ndarray, k: int, here: np.ndarray
+) -> None:
+    """As ``_add_stretching_2d``."""
+    a0, a1, a2 = _row(points, vertices, c, 0, root, k)
+    b0, b1, b2 = _row(points, vertices, c, 1, root, k)
+    c0, c1, c2 = _row(points, vertices, c, 2, root, k)
+    xx, yy, zz = a0 * a0 + a1 * a1 + a2 * a2, b0 * b0 + b1 * b1 + b2 * b2, c0 * c0 + c1 * c1 + c2 * c2
+    xy, xz, yz = a0 * b0 + a1 * b1 + a2 * b2, a0 * c0 + a1 * c1 + a2 * c2, b0 * c0 + b1 * c1 + b2 * c2
+    low, middle, high = _eigenvalues(xx, yy, zz, xy, xz, yz)
+    if not high > 0.0:
+        return
+    low, middle = max(low, _FLAT * high), max(middle, _FLAT * high)
+    # ln(A Aᵀ) by Newton's interpolation in the eigenvalues, less a multiple of the identity
+    first, second = _log_slope(low, middle), _log_slope(middle, high)
+    third = (second - first) / (high - low) if high - low > _ALIKE * high else -0.5 / (high * high)
+    xx1, yy1, zz1 = xx - low, yy - low, zz - low
+    xx2, yy2, zz2 = xx - middle, yy - middle, zz - middle
+    t0 = first * xx1 + third * (xx1 * xx2 + xy * xy + xz * xz)
+    t1 = first * yy1 + third * (xy * xy + yy1 * yy2 + yz * yz)
+    t2 = first * zz1 + third * (xz * xz + yz * yz + zz1 * zz2)
+    trace = (t0 + t1 + t2) / 3.0
+    here[0] -= t0 - trace
+    here[1] -= t1 - trace
+    here[2] -= t2 - trace
+    here[3] -= first * xy + third * (xx1 * xy + xy * yy2 + xz * yz)
+    here[4] -= first * xz + third * (xx1 * xz + xy * yz + xz * zz2)
+    here[5] -= first * yz + third * (xy * xz + yy1 * yz + yz * zz2)
+
+
+@inlined
+def _row(
+    points: np.ndarray, vertices: np.ndarray, c: int, i: int, root: np.ndarray, k: int
+) -> tuple[float, float, float]:
+    """Row i of A = E W⁻¹ of corner c."""
+    x = points[vertices[c, 0], i]
+    e, f, g = points[vertices[c, 1], i] - x, points[vertices[c, 2], i] - x, points[vertices[c, 3], i] - x
+    return (
+        e * root[k, 0, 0] + f * root[k, 1, 0] + g * root[k, 2, 0],
+        e * root[k, 0, 1] + f * root[k, 1, 1] + g * root[k, 2, 1],
+        e * root[k, 0, 2] + f * root[k, 1, 2] + g * root[k, 2, 2],
+    )
+
+
+@inlined
+def _log_slope(x: float, y: float) -> float:
+    """(ln y - ln x) / (y - x) for 0 < x <= y."""
+    if y - x > _ALIKE * y:
+        return np.log(y / x) / (y - x)
+    return 2.0 / (x + y)
+
+
+@inlined
+def _eigenvalues(
+    xx: float, yy: float, zz: float, xy: float, xz: float, yz: float
+) -> tuple[float, float, float]:
+    """Those of a symmetric matrix, ascending, by the angles of the characteristic cubic."""
+    mean = (xx + yy + zz) / 3.0
+    p, q, r = xx - mean, yy - mean, zz - mean
+    size = np.sqrt((p * p + q * q + r * r + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
+    if size == 0.0:
+        return mean, mean, mean
+    det = p * (q * r - yz * yz) - xy * (xy * r - yz * xz) + xz * (xy * yz - q * xz)
+    angle = np.arccos(min(max(det / (2.0 * size * size * size), -1.0), 1.0)) / 3.0
+    high = mean + 2.0 * size * np.cos(angle)
+    low = mean + 2.0 * size * np.cos(angle + 2.0 * np.pi / 3.0)
+    return low, 3.0 * mean - high - low, high
+
+
+@inlined
+def _log_aspect(tensor: np.ndarray) -> float:
+    """ln α of a tensor given as its diagonal and upper triangle."""
+    if len(tensor) == 3:
+        half = (tensor[0] - tensor[1]) / 2.0
+        return np.sqrt(half * half + tensor[2] * tensor[2])
+    low, _, high = _eigenvalues(tensor[0], tensor[1], tensor[2], tensor[3], tensor[4], tensor[5])
+    return (high - low) / 2.0

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from dvr_cli.backend import COMPILED
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality import stretching
 from dvr_cli.quality.stretching import coherent
+from dvr_cli.quality.targets import FORMED
 from meshes import KINDS, random_mesh
 from needs import require
 
@@ -110,6 +113,49 @@ def test_averages_compiled_are_the_same_to_the_bit(kind):
         arguments = values, corners.vertices, corners.start, len(domain.points)
         plain = stretching.averaged(*arguments)
         assert COMPILED.twin(stretching.averaged)(*arguments).tobytes() == plain.tobytes()
+
+
+def squeezed(kind: str, seed: int, power: float, share: float) -> Mesh:
+    """A random mesh whose cells get flatter towards the floor, below a part of its height."""
+    mesh = random_mesh(kind, seed, n=4)
+    height = mesh.points[:, -1] / share
+    points = mesh.points.copy()
+    points[:, -1] = np.where(height < 1, share * np.abs(height) ** power, points[:, -1])
+    return Mesh(points, mesh.cells)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(KINDS), st.integers(0, 10**6), st.floats(1.0, 8.0), st.sampled_from([0.3, 0.6, 1.0]))
+def test_the_compiled_search_keeps_the_same_cells_to_the_bit(kind, seed, power, share):
+    require("numba")
+    mesh = squeezed(kind, seed, power, share)
+    plain, compiled = coherent(domain_of(mesh)), coherent(domain_of(mesh, backend=COMPILED))
+    assert (plain is None) == (compiled is None)
+    if plain is not None and compiled is not None:
+        assert compiled.share.tobytes() == plain.share.tobytes()
+        assert compiled.max_aspect == plain.max_aspect
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_compiled_search_leaves_out_no_seed(kind):
+    """Against the third averages of all cells, and with the estimate a hundredth away at most."""
+    require("numba")
+    found = 0
+    for seed, power in ((0, 2.0), (1, 3.0), (2, 5.0), (3, 8.0)):
+        domain = domain_of(squeezed(kind, seed, power, 0.6))
+        corners, quality = domain.corners, _qualities(domain)
+        positive = corners.by_cell(np.minimum, quality) > FORMED[domain.dimension]
+        cells = stretching._Cells(domain)
+        tensor = cells.from_corners(stretching._stretching(domain.points, corners, positive))
+        aspect = stretching._log_aspect(cells.thrice(tensor))
+        parts = corners.vertices, corners.shapes, corners.start, stretching.roots(corners.table)
+        likely = COMPILED.twin(stretching.candidates)(domain.points, *parts, quality, positive)
+        assert likely[aspect >= np.log(stretching.SEED)].all()
+        assert (likely == (aspect >= np.log(stretching.LIKELY)))[
+            np.abs(aspect - np.log(stretching.LIKELY)) > 0.01
+        ].all()
+        found += likely.sum()
+    assert found > 0
 
 
 def test_an_average_never_has_a_larger_aspect_than_its_parts():

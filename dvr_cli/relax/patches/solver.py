@@ -8,6 +8,10 @@ minimised by L-BFGS for one k after the other, B_max being the largest badness w
 is 1/Q in 2D and 1/Q³ in 3D, it is the ℓ^p norm of 1/Q with p = k and 3k. k is a power of two: powers and
 roots are repeated squares and square roots, so the compiled twin gets the same bits. A step that leaves the
 positive elements has f = ∞ and is halved like any step that does not descend.
+
+In a metric L-BFGS works on L x for each vertex, L being that of the first corner it is in, so that a
+stretched mesh in its metric moves as one that is neither; vertices that are not free to move anywhere are
+taken as they are.
 """
 
 from __future__ import annotations
@@ -17,7 +21,15 @@ from typing import NamedTuple
 import numpy as np
 
 from dvr_cli.boundary.freedom import project
-from dvr_cli.mesh.simplex import back_through, cross, dot, edges_and_determinant, through
+from dvr_cli.mesh.simplex import (
+    back_through,
+    cross,
+    dot,
+    edges_and_determinant,
+    solve,
+    solve_back,
+    through,
+)
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.lbfgs import Pair, descent
@@ -93,9 +105,36 @@ class PatchEnergy:
         own = np.broadcast_to(slots[:, :1], slots[:, 1:].shape)
         slots = np.stack([slots[:, 1:], own], axis=2)  # of both ends of each edge
         self._slots = np.where(slots < 0, len(moving), slots)  # the last slot is for what does not move
-        edges, _ = edges_and_determinant(points, patch.vertices)
-        lengths = np.sqrt(dot(edges[0], edges[0]))
+        self._own = None if self._factor is None else self._own_measure(patch)
+        first = edges_and_determinant(points, patch.vertices)[0][0]
+        if self._factor is not None:
+            first = through(self._factor, first)
+        lengths = np.sqrt(dot(first, first))
         self.size = np.add.accumulate(lengths)[-1] / len(lengths)  # mean edge length
+
+    def _own_measure(self, patch: Patch) -> np.ndarray:
+        """(d(d+1)/2, n) entries of the L that the moves of each vertex are measured through."""
+        slots = patch.slot[patch.vertices]
+        corner, place = np.nonzero(slots >= 0)
+        row = np.empty(len(self.moving), dtype=np.int64)
+        row[slots[corner, place][::-1]] = patch.shapes[corner][::-1]  # the first corner is the last to be put
+        own = patch.factor[row].T.copy()
+        held = (self._axis != 0.0).any(axis=1)
+        own[:, held] = 0.0
+        own[[0, 2] if len(own) == 3 else [0, 3, 5], :] += held
+        return own
+
+    def measured(self, g: np.ndarray) -> np.ndarray:
+        """L⁻ᵀ g of each row of a gradient, which is that by L x."""
+        return g if self._own is None else np.stack(solve_back(self._own, list(g.T)), axis=1)
+
+    def moves(self, direction: np.ndarray) -> np.ndarray:
+        """L⁻¹ u of each row, the move that one of L x by u stands for."""
+        return direction if self._own is None else np.stack(solve(self._own, list(direction.T)), axis=1)
+
+    def taken(self, move: np.ndarray) -> np.ndarray:
+        """L u of each row of a move; see ``moves``."""
+        return move if self._own is None else np.stack(through(self._own, list(move.T)), axis=1)
 
     def badness(self) -> np.ndarray:
         """(C,) B of each corner, infinite where it is not positive."""
@@ -167,7 +206,7 @@ def _minimise(energy: PatchEnergy, squarings: int) -> None:
     x = energy.points[energy.moving]
     reference = energy.badness().max()
     f, share = energy.norm(reference, squarings)
-    g = energy.gradient(f, share)
+    g = energy.measured(energy.gradient(f, share))
     pairs: list[Pair] = []
     for _ in range(ITERATIONS):
         direction = descent(g, pairs, _dot)
@@ -175,8 +214,9 @@ def _minimise(energy: PatchEnergy, squarings: int) -> None:
         if not slope < 0.0:
             return
         step = 1.0 if pairs else FIRST_STEP * energy.size / np.abs(direction).max()
+        way = energy.moves(direction)
         for _ in range(HALVINGS):
-            reached = x + step * direction
+            reached = x + step * way
             energy.points[energy.moving] = reached
             trial, share = energy.norm(reference, squarings)
             if trial <= f + DECREASE * step * slope:
@@ -185,8 +225,8 @@ def _minimise(energy: PatchEnergy, squarings: int) -> None:
         else:
             energy.points[energy.moving] = x
             return
-        new = energy.gradient(trial, share)
-        taken, change = reached - x, new - g
+        new = energy.measured(energy.gradient(trial, share))
+        taken, change = energy.taken(reached - x), new - g
         curvature = _dot(taken, change)
         if curvature > 0.0:
             pairs = [*pairs, (taken, change, curvature)][-MEMORY:]

@@ -37,9 +37,9 @@ def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
     before = _badnesses(points, patch, bad)
     if before == np.inf:
         return before, before
-    size = _size(points, patch.vertices)
+    size, own = _size(points, patch), _own_measure(patch)
     for squarings in SQUARINGS[d - 2]:
-        _minimise(points, patch, squarings, size, bad, power)
+        _minimise(points, patch, own, squarings, size, bad, power)
     moved = np.empty(len(start))
     _take(points, moving, moved)
     moved -= start
@@ -57,12 +57,16 @@ def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
 def _minimise(
     points: np.ndarray,
     patch: Patch,
+    own: np.ndarray,
     squarings: int,
     size: float,
     bad: np.ndarray,
     power: np.ndarray,
 ) -> None:
-    """See ``solver._minimise``; vectors (n, d) are flat, pairs stand in the rows of two arrays."""
+    """See ``solver._minimise``; vectors (n, d) are flat, pairs stand in the rows of two arrays.
+
+    own: (n,) the row of the shape table whose L each vertex is measured through, -1 for none.
+    """
     d = points.shape[1]
     moving = patch.moving
     n = len(moving) * d
@@ -75,6 +79,8 @@ def _minimise(
     reference = _badnesses(points, patch, bad)
     f, total = _norm(bad, reference, squarings, power)
     _gradient(points, patch, power, f, total, g)
+    _measure(g, patch.factor, own)
+    way = np.empty(n) if len(own) else direction
     for _ in range(ITERATIONS):
         descent(g, steps, changes, curvature, factor, kept, d, direction)
         slope = dot(g, direction, d)
@@ -86,10 +92,13 @@ def _minimise(
             for i in range(n):
                 largest = max(largest, abs(direction[i]))
             step = FIRST_STEP * size / largest
+        if len(own):
+            way[:] = direction
+            _unmeasure(way, patch.factor, own)
         falls, trial = False, f
         for _ in range(HALVINGS):
             for i in range(n):
-                reached[i] = x[i] + step * direction[i]
+                reached[i] = x[i] + step * way[i]
             _put(points, moving, reached)
             _badnesses(points, patch, bad)
             trial, total = _norm(bad, reference, squarings, power)
@@ -101,11 +110,15 @@ def _minimise(
             _put(points, moving, x)
             return
         _gradient(points, patch, power, trial, total, new)
+        _measure(new, patch.factor, own)
         row = kept % rows
         for i in range(n):
             steps[row, i] = reached[i] - x[i]
             changes[row, i] = new[i] - g[i]
             x[i], g[i] = reached[i], new[i]
+        for i in range(len(own)):
+            if own[i] >= 0:
+                _see_through(patch.factor, own[i], steps[row, i * d : (i + 1) * d])
         curvature[row] = dot(steps[row], changes[row], d)
         if curvature[row] > 0.0:
             kept += 1
@@ -171,14 +184,66 @@ def _project(g: np.ndarray, patch: Patch) -> None:
 
 
 @compiled
-def _size(points: np.ndarray, vertices: np.ndarray) -> float:
+def _own_measure(patch: Patch) -> np.ndarray:
+    """See ``PatchEnergy``: (n,) rows of the shape table, -1 for L the identity; empty without a metric."""
+    if len(patch.factor) == 0:
+        return np.empty(0, dtype=np.int64)
+    own = np.full(len(patch.moving), -1, dtype=np.int64)
+    for c in range(len(patch.vertices)):
+        for k in range(patch.vertices.shape[1]):
+            i = patch.slot[patch.vertices[c, k]]
+            if i >= 0 and own[i] < 0 and not patch.axis[patch.moving[i]].any():
+                own[i] = patch.shapes[c]
+    return own
+
+
+@compiled
+def _measure(g: np.ndarray, factor: np.ndarray, own: np.ndarray) -> None:
+    """Put L⁻ᵀ u in the place of each vertex's u; see ``simplex.solve_back``."""
+    for i in range(len(own)):
+        k = own[i]
+        if k < 0:
+            continue
+        u = g[i * len(g) // len(own) : (i + 1) * len(g) // len(own)]
+        u[0] = u[0] / factor[k, 0]
+        if len(u) == 2:
+            u[1] = (u[1] - factor[k, 1] * u[0]) / factor[k, 2]
+        else:
+            u[1] = (u[1] - factor[k, 1] * u[0]) / factor[k, 3]
+            u[2] = (u[2] - factor[k, 2] * u[0] - factor[k, 4] * u[1]) / factor[k, 5]
+
+
+@compiled
+def _unmeasure(way: np.ndarray, factor: np.ndarray, own: np.ndarray) -> None:
+    """Put L⁻¹ u in the place of each vertex's u; see ``simplex.solve``."""
+    for i in range(len(own)):
+        k = own[i]
+        if k < 0:
+            continue
+        u = way[i * len(way) // len(own) : (i + 1) * len(way) // len(own)]
+        if len(u) == 2:
+            u[1] = u[1] / factor[k, 2]
+            u[0] = (u[0] - factor[k, 1] * u[1]) / factor[k, 0]
+        else:
+            u[2] = u[2] / factor[k, 5]
+            u[1] = (u[1] - factor[k, 4] * u[2]) / factor[k, 3]
+            u[0] = (u[0] - factor[k, 1] * u[1] - factor[k, 2] * u[2]) / factor[k, 0]
+
+
+@compiled
+def _size(points: np.ndarray, patch: Patch) -> float:
     """The mean edge length, see ``PatchEnergy``."""
+    vertices, d = patch.vertices, points.shape[1]
+    edge = np.empty(d)
     total = 0.0
     for c in range(len(vertices)):
+        for j in range(d):
+            edge[j] = points[vertices[c, 1], j] - points[vertices[c, 0], j]
+        if len(patch.factor):
+            _see_through(patch.factor, patch.shapes[c], edge)
         square = 0.0
-        for j in range(points.shape[1]):
-            edge = points[vertices[c, 1], j] - points[vertices[c, 0], j]
-            square = square + edge * edge
+        for j in range(d):
+            square = square + edge[j] * edge[j]
         total += np.sqrt(square)
     return total / len(vertices)
 
