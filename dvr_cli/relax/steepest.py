@@ -99,7 +99,7 @@ def steepest(
         vectors = vectors if within is None else project(vectors, *within)
         active &= dot(vectors, vectors) < np.inf
         found = _shortest_in_hull(vectors, active, now.argmax(axis=0))
-        return found if own is None else unit_through(own, found)
+        return found if own is None else _unit_through(own, found, within)
 
 
 def own_measure(
@@ -112,17 +112,27 @@ def own_measure(
     first = [entry[0] for entry in factor]
     if within is None:
         return first
-    d = len(within[1])
-    free = np.logical_and.reduce([axis == 0.0 for axis in within[1]])
-    diagonal = (0, 2) if d == 2 else (0, 3, 5)
+    free = _moves_anywhere(within)
+    diagonal = (0, 2) if len(within[1]) == 2 else (0, 3, 5)
     return [np.where(free, entry, float(i in diagonal)) for i, entry in enumerate(first)]
 
 
-def unit_through(own: Sequence[np.ndarray], vectors: Components) -> list[np.ndarray]:
-    """L⁻¹ u of vectors u, of unit length, or zero where u is."""
-    vectors = solve(own, vectors)
-    length = np.sqrt(dot(vectors, vectors))
-    return [np.where(length > 0.0, component / length, 0.0) for component in vectors]
+def _moves_anywhere(within: tuple[np.ndarray, Components]) -> np.ndarray:
+    """(n,) bool: whether vertices are free to move in all directions."""
+    return np.logical_and.reduce([axis == 0.0 for axis in within[1]])
+
+
+def _unit_through(
+    own: Sequence[np.ndarray], vectors: Components, within: tuple[np.ndarray, Components] | None
+) -> list[np.ndarray]:
+    """L⁻¹ u of unit vectors u, of unit length, or zero where u is; u itself where L is the identity."""
+    solved = solve(own, vectors)
+    length = np.sqrt(dot(solved, solved))
+    found = [np.where(length > 0.0, component / length, 0.0) for component in solved]
+    if within is None:
+        return found
+    free = _moves_anywhere(within)
+    return [np.where(free, new, old) for new, old in zip(found, vectors, strict=True)]
 
 
 def gradient(
