@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvr_cli.mesh.corners import SHAPES
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.quality.fans import fans
 from dvr_cli.quality.mean_ratio import corner_qualities
@@ -70,8 +71,9 @@ def limit_of(
     moves = np.isin(vertices, relaxed)
     count = len(vertices)
 
-    if moves.any() and element.quality > 0 and not len(domain.corners.table.factor):
+    if moves.any() and element.quality > 0:
         among = np.unique([v for worst in quality.worst for v in _vertices(domain, worst)])
+        among = among[_ideal_all_round(domain)[among]]
         fan = min(fans(flat, domain.around(among).cells, among), key=lambda fan: fan.best, default=None)
         if fan is not None and fan.best < SEVERE and element.quality >= REACHED * fan.best:
             where = f"{'vertex' if len(fan.vertices) == 1 else 'edge'} {'-'.join(map(str, fan.vertices))}"
@@ -115,6 +117,16 @@ def _vertices(domain: Domain, element: Element) -> list[int]:
     """The vertices of an element of the domain."""
     own = slice(*domain.corners.start[_cell(domain, element) :][:2])
     return np.unique(domain.corners.vertices[own]).tolist()
+
+
+def _ideal_all_round(domain: Domain) -> np.ndarray:
+    """(N,) bool: the vertices all of whose cells have the ideal shape as target; fans bound no other."""
+    corners = domain.corners
+    other = corners.shapes[:, 0] >= len(SHAPES[domain.dimension].matrices)
+    other |= len(corners.table.factor) > 0
+    ideal = np.ones(len(domain.points), dtype=bool)
+    ideal[corners.vertices[other if corners.held is None else other | corners.held]] = False
+    return ideal
 
 
 def _corners_are_positive(domain: Domain, flat: np.ndarray, element: Element) -> bool:
