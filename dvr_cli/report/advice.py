@@ -16,16 +16,16 @@ def advice(report: QualityReport) -> str:
     poor = quality.inverted + quality.degenerate
     if quality.minimum >= FAIR:
         return f"every element has quality {FAIR:g} or better: no need to do anything"
-    if report.kept is not None and quality.elements[~report.kept].min(initial=1.0) >= FAIR:
-        return (
-            f"all but the cells that dvr smooth keeps have quality {FAIR:g} or better: no need to do anything"
-        )
     if report.mesh.curved and quality.inverted:
         return f"{poor} inverted or degenerate: dvr untangle --straighten takes curved cells as straight"
     if poor and report.mesh.surface:
         return f"{poor} inverted or degenerate: surfaces cannot be untangled, remesh there"
     if quality.q1 is None:
         return "no vertex lies inside the mesh: free those on the boundary, or remesh"
+    if report.kept is not None and quality.elements[~report.kept].min(initial=1.0) >= FAIR:
+        return (
+            f"all but the cells that dvr smooth keeps have quality {FAIR:g} or better: no need to do anything"
+        )
     if quality.fixed_cap is not None and quality.fixed_cap <= quality.minimum:
         return "the worst element has no vertex inside the mesh: free those on the boundary, or remesh there"
     if poor:

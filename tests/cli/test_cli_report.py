@@ -166,6 +166,21 @@ def test_the_advice(dvr, tmp_path, points, cells, advice):
     assert advice in line
 
 
+def test_cells_that_are_kept_need_no_advice(dvr, tmp_path):
+    """Five flat layers under squares: the flat cells are the worst, and as they are meant to be."""
+    x, y = np.meshgrid(np.arange(9.0), [0, 0.03, 0.06, 0.09, 0.12, 0.15, 1, 2, 3], indexing="ij")
+    number = np.arange(81).reshape(9, 9)
+    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    path = write(tmp_path / "mesh.msh", points, {"quad": quads.reshape(-1, 4)})
+    (line,) = [x for x in dvr("report", "quality", path).out.splitlines() if x.startswith("advice")]
+    assert "all but the cells that dvr smooth keeps" in line
+    assert any(
+        x.startswith("note\t") and "which dvr smooth keeps" in x
+        for x in dvr("report", "quality", path).out.splitlines()
+    )
+
+
 def test_the_quality_as_json(dvr, tmp_path):
     path = fan(tmp_path / "mesh.msh")
     result = dvr("report", "quality", path, "--json", "--worst", "1")
