@@ -13,7 +13,7 @@ from dvr_cli.cli.gates import failures, gates_of
 from dvr_cli.cli.interrupt import Interrupt
 from dvr_cli.cli.options import naming
 from dvr_cli.cli.progress import Progress
-from dvr_cli.cli.streams import columns, say
+from dvr_cli.cli.streams import columns, onto_stdout, say
 from dvr_cli.errors import OutputError, UsageError
 
 if TYPE_CHECKING:
@@ -90,7 +90,8 @@ def run(
                 elif quality_field:
                     destination.fill(cell_field(opened.mesh, result.after.elements), points)
             progress.show(f"writing {output}")
-            destination.write(points)
+            with onto_stdout():  # what a file cannot take is an OutputError already
+                destination.write(points)
             if report is not None and not page:
                 csv = report.suffix.lower() == ".csv"
                 text = as_csv(result.after) if csv else as_json(result.record(str(output), str(source)))

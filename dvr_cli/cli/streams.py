@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import sys
+from collections.abc import Iterator
 from typing import TextIO
 
 from dvr_cli.errors import OutputError
@@ -28,13 +30,20 @@ def emit(text: str) -> None:
     if sys.stdout is None:
         raise OutputError("standard output is closed")
     encoding = sys.stdout.encoding or "ascii"
-    try:
+    with onto_stdout():
         print(text.encode(encoding, "backslashreplace").decode(encoding), flush=True)
+
+
+@contextlib.contextmanager
+def onto_stdout() -> Iterator[None]:
+    """Raise OutputError where stdout cannot be written, BrokenPipeError if its reader has gone."""
+    try:
+        yield
     except BrokenPipeError:
         raise
     except OSError as error:
         discard(sys.stdout)
-        raise OutputError(f"standard output: {error.strerror or error}") from error
+        raise OutputError(f"standard output: {(error.strerror or str(error)).lower()}") from error
 
 
 def discard(stream: TextIO) -> None:

@@ -291,6 +291,7 @@ REGISTRY = (
     Format(
         "netgen",
         (".vol",),
+        re.compile(_COMMENTS + rb"mesh3d\b"),
         reader="netgen",
         versions="older and newer",
         regions="materials, boundary conditions",

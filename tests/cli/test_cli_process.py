@@ -244,9 +244,10 @@ def test_a_listener_that_goes_away_does_not_stop_the_work(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")
-@pytest.mark.parametrize("arguments", [["--version"], ["report", "quality"]])
+@pytest.mark.parametrize("arguments", [["--version"], ["report", "quality"], ["smooth", "-q", "--no-report"]])
 def test_standard_output_that_cannot_be_written(tmp_path, arguments):
     paths = [fan(tmp_path / "in.msh")] if len(arguments) > 1 else []
+    paths += ["-"] if "smooth" in arguments else []
     with Path("/dev/full").open("w") as full:
         process = subprocess.run(
             [DVR, *arguments, *paths],

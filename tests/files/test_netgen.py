@@ -1,11 +1,14 @@
 """Netgen's .vol files, of before and after their sections changed."""
 
+from pathlib import Path
+
 import meshio
 import numpy as np
 import pytest
 
 from dvr_cli.cli.main import main
 from dvr_cli.errors import InputError
+from dvr_cli.files.formats import format_of
 from dvr_cli.files.netgen import read
 from dvr_cli.files.reading import open_mesh
 from dvr_cli.mesh.cell_types import CELL_TYPES
@@ -170,6 +173,12 @@ def test_nodes_are_in_the_places_that_meshio_gives_them(tmp_path, cell_type):
     block = next(block for block in own.cells if block.type == cell_type)
     assert block.vertices.tolist() == mesh.cells[0].data.tolist()
     assert own.points.tolist() == mesh.points.tolist()
+
+
+def test_first_bytes_tell_it():
+    assert (
+        format_of(Path("-"), NEWER).name == format_of(Path("x"), b"mesh3d\ndimension\n2\n").name == "netgen"
+    )
 
 
 def test_planar_meshes_have_two_coordinates(tmp_path):
