@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +18,9 @@ from dvr_cli.options import default
 from dvr_cli.report.records import BoundaryChange
 
 _USUAL_DEVIATION = 1e-3  # bound on the deviation, in diagonals of the bounding box
+_ANGLES = (45.0, 60.0, 90.0, 120.0)  # feature angles that are advised
+_CLOSE = 0.5  # part of the bound on the deviation from which on it counts as what holds a vertex,
+_MORE = 10.0  # and how many times the bound is advised then
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,14 @@ class Moves:
     def relaxed(self) -> np.ndarray:
         """(m,) the vertices that may move, in index order: I_R."""
         return self.within.relaxed
+
+    @property
+    def dimension(self) -> np.ndarray:
+        """(N,) of what each vertex moves on: 1 a line or curve, 2 a plane or surface, 0 if it stays."""
+        dimension = self.freedom.dimension.copy()
+        if self.parts is not None:
+            dimension[self.parts.on_curve], dimension[self.parts.on_patch] = 1, 2
+        return dimension
 
     @property
     def within(self) -> Freedom:
@@ -75,6 +87,43 @@ def usual_moves(mesh: Mesh, domain: Domain, held: np.ndarray) -> Moves:
     """The moves open to each vertex where nothing is asked for; held: (N,) bool, vertices that stay."""
     selected = mesh.unlinked & ~held
     return moves_of(mesh, domain, default("boundary"), selected, default("feature_angle"))
+
+
+def held_by_shape(
+    mesh: Mesh,
+    domain: Domain,
+    moves: Moves,
+    selected: np.ndarray,
+    feature_angle: float,
+    part_of_bound: Callable[[np.ndarray], float],
+    bound: float,
+    vertices: np.ndarray,
+) -> tuple[str, str] | None:
+    """How features and the bound on the deviation hold ``vertices`` (m,), and what would free them.
+
+    moves, selected, feature_angle: those of the run, see ``moves_of``. part_of_bound: says which part of the
+    bound the deviation takes at vertices. None if neither holds them.
+    """
+    reasons, options = [], []
+    near = domain.around(vertices)
+    now = moves.dimension[vertices]
+
+    def freed(angle: float) -> int:
+        wider = moves_of(mesh, near, "project", selected, angle).dimension[vertices]
+        return int((wider > now).sum())
+
+    angles = [angle for angle in _ANGLES if angle > feature_angle]
+    most = freed(angles[-1]) if angles else 0
+    if most:
+        angle = next(angle for angle in angles if freed(angle) == most)
+        reasons.append(
+            f"{most} of its vertices are on features, which turn by over {feature_angle:g} degrees"
+        )
+        options.append(f"--feature-angle {angle:g}")
+    if part_of_bound(vertices) >= _CLOSE:
+        reasons.append("it may come no farther from the input's shape")
+        options.append(f"--max-deviation {_MORE * bound:.2g}")
+    return (", and ".join(reasons), f"{' '.join(options)} would give it room") if reasons else None
 
 
 def bound_of(domain: Domain, max_deviation: float | None) -> float:

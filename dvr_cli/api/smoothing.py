@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from dvr_cli.api.boundary import bound_of, moves_of
+from dvr_cli.api.boundary import bound_of, held_by_shape, moves_of
 from dvr_cli.api.options import BOUNDARIES, BOUNDARY_KEEPS, SmoothOptions
 from dvr_cli.api.phases import Run
 from dvr_cli.api.shapes import shaped
@@ -126,7 +126,11 @@ def smooth_mesh(
     ended = run.stopped_because in _DONE or after.is_capped
     if ended and not _has_nothing_to_gain(after, np.array_equal(points, mesh.points)):
         mends = left["elements"] > left["hopeless"] and not untangling
-        limited_by = _limit(mesh, domain, options, masks, selected, relaxed, points, after, mends)
+        shape = None
+        if domain.is_surface or options.boundary == "project":
+            where = mesh, domain, moves, selected, options.feature_angle
+            shape = partial(held_by_shape, *where, engine.part_of_limit, bound)
+        limited_by = _limit(mesh, domain, options, masks, selected, relaxed, points, after, mends, shape)
     plain = None
     if shapes.kept or shapes.metric:
         plain = measure(shapes.plain, mesh.points, relaxed), measure(shapes.plain, points, relaxed)
@@ -192,11 +196,13 @@ def _limit(
     points: np.ndarray,
     after: Quality,
     untangling_helps: bool,
+    shape: Callable[[np.ndarray], tuple[str, str] | None] | None,
 ) -> Limit:
     """The limit of Q1; masks: for each option of selection the vertices that it lets move, (N,) bool.
 
     selected: (N,) bool, those that all of them and the shape leave to move. relaxed, after: as in the run.
-    untangling_helps: whether there are inverted elements that were not untangled and could be.
+    untangling_helps: whether there are inverted elements that were not untangled and could be. shape: how the
+    shape of a curved boundary or surface holds given vertices, see ``limit_of``.
     """
     movable = relaxed
     if masks:
@@ -210,7 +216,7 @@ def _limit(
         return np.isin(vertices, moves.relaxed)
 
     frees = {f"--boundary {name}": (partial(freed, name), BOUNDARY_KEEPS[name]) for name in others}
-    return limit_of(domain, points, relaxed, after, deselected, frees, untangling_helps)
+    return limit_of(domain, points, relaxed, after, deselected, frees, untangling_helps, shape)
 
 
 def _stored_result(

@@ -8,6 +8,7 @@ tangled     the element is inverted, and nobody has tried to untangle it
 curved      a second-order element is inverted by its curved shape, not by its vertices
 selection   --fix, --only, --below or --vertices keeps a vertex that could move
 boundary    another treatment of the boundary would free a vertex
+shape       vertices lie on features of a curved boundary or surface, or at the bound on its deviation
 fixed-cap   all vertices are held
 balance     none of these: what moving a vertex would gain here is lost in another element
 """
@@ -35,7 +36,7 @@ _REMESH = "only other elements help: remesh there"
 class Limit:
     """The reason why the worst element of a mesh is no better.
 
-    kind: "valence", "tangled", "curved", "selection", "boundary", "fixed-cap" or "balance".
+    kind: "valence", "tangled", "curved", "selection", "boundary", "shape", "fixed-cap" or "balance".
     element: the worst one.
     vertex: one that is the reason, None if none in particular is. text: the reason in words.
     advice: what would help, in words. keeps: what of the mesh's shape that would keep, or nothing.
@@ -57,13 +58,15 @@ def limit_of(
     deselected: Mapping[str, np.ndarray],
     boundary: Mapping[str, tuple[Callable[[np.ndarray], np.ndarray], str]],
     untangling_helps: bool = False,
+    shape: Callable[[np.ndarray], tuple[str, str] | None] | None = None,
 ) -> Limit:
     """The limit of the mesh with coordinates ``points`` (as its mesh gives them) and this quality.
 
     relaxed: (m,) the relaxed vertices. deselected: for each option that selects the vertices that could move
     and that it keeps, (N,) bool. boundary: for each option that would free vertices of the boundary a
     function that says of (m,) vertices which could move then, (m,) bool, and what keeps its shape, in words.
-    untangling_helps: whether there are inverted elements that were not untangled and could be.
+    untangling_helps: whether there are inverted elements that were not untangled and could be. shape: says of
+    (m,) vertices how the shape of a curved boundary or surface holds them, and what would free them.
     """
     element = quality.worst[0]
     flat = domain.flatten(points)
@@ -98,6 +101,9 @@ def limit_of(
                 text = f"{name} has {on_boundary.sum()} of its {count} vertices on the boundary"
                 advice = f"{option} would free {len(freed)} of them"
                 return Limit("boundary", int(freed[0]), element, text, advice, keeps)
+    held = shape(vertices) if shape is not None else None
+    if held is not None:
+        return Limit("shape", None, element, f"{name}: {held[0]}", held[1])
     if not moves.any():
         return Limit("fixed-cap", None, element, f"none of the {count} vertices of {name} can move", _REMESH)
     if element.quality <= 0:

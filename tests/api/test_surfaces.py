@@ -1,17 +1,22 @@
 """Surfaces in space as files and in reports: ``dvr smooth bunny.obj out.obj``, ``dvr report quality``."""
 
 import json
+from dataclasses import replace
 
 import meshio
 import numpy as np
 import pytest
+import trimesh
 
 import dvr_cli
 from curved_parts import distances, scanned
+from dvr_cli.api import SmoothOptions, smooth_mesh
 from dvr_cli.cli.main import main
 from dvr_cli.files.reading import open_mesh
 from dvr_cli.mesh.domain import domain_of
+from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality.mean_ratio import corner_qualities
+from dvr_cli.relax.stopping import Stopping
 from meshes import random_mesh
 
 
@@ -103,3 +108,31 @@ def test_a_quadrilateral_of_a_surface_counts_as_in_its_plane():
     report = dvr_cli.quality_report(both, {"quad": np.arange(len(both)).reshape(-1, 4)})
     assert report.mesh.surface
     np.testing.assert_allclose(report.quality.elements, np.tile(expected, 2), atol=1e-12)
+
+
+def squashed_ball() -> Mesh:
+    """A coarse ball one of whose vertices was pushed nearly onto the edge opposite to it."""
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    points, triangles = np.array(ball.vertices), np.array(ball.faces)
+    a, b, c = triangles[2]
+    points[a] = 0.48 * (points[b] + points[c]) + 0.04 * points[a]
+    points[a] /= np.linalg.norm(points[a])
+    return Mesh(points, [Cells("triangle", triangles)])
+
+
+def test_what_holds_the_worst_triangle_of_a_surface_is_said_with_the_options_that_help():
+    """A flat triangle looks like a feature, and coarse facets leave the bound at once: both are named."""
+    mesh, stopping = squashed_ball(), Stopping(max_iterations=12)
+    options = SmoothOptions(engine="numpy", directions="random", stopping=stopping)
+    _, report = smooth_mesh(mesh, options)
+    assert report.after.q1 < 0.2
+    assert report.limited_by.kind == "shape"
+    assert "features" in report.limited_by.text
+    advice = report.limited_by.advice.split()
+    angle, bound = (float(advice[advice.index(name) + 1]) for name in ("--feature-angle", "--max-deviation"))
+    _, half = smooth_mesh(mesh, replace(options, feature_angle=angle))
+    assert half.limited_by.kind == "shape"
+    assert "features" not in half.limited_by.text
+    assert f"--max-deviation {bound:g} " in half.limited_by.advice
+    _, freed = smooth_mesh(mesh, replace(options, feature_angle=angle, max_deviation=bound))
+    assert freed.after.q1 > 0.9

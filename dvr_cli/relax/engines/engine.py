@@ -104,6 +104,14 @@ class Engine(ABC):
         self.backend.twin(renew)(self._get(), carriers.ground, carriers.stars, standing)
         return carriers.deviation(standing, self._get())
 
+    def part_of_limit(self, vertices: np.ndarray) -> float:
+        """The part of the limit that the distance from the input takes at ``vertices`` of the mesh."""
+        carriers, standing = self.problem.carriers, self._standing
+        if carriers is None or standing is None or not carriers.limit > 0.0:
+            return 0.0
+        here = np.isin(self.problem.order, vertices)
+        return float(carriers.apart_at(standing)[here].max(initial=0.0)) / carriers.limit
+
     def state(self) -> State:
         """A copy of where the vertices are, for ``restore``."""
         standing = self._standing

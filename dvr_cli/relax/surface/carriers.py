@@ -177,13 +177,18 @@ class Carriers:
             deviation(before, points, ground.segments, self.curve, along, segments),
         )
 
+    def apart_at(self, standing: Standing) -> np.ndarray:
+        """(N,) bounds on how far the edges at each vertex are from the input."""
+        stars, bound = self.stars, np.zeros(len(self.ground.places))
+        owner = np.repeat(np.arange(len(bound)), np.diff(stars.edge_start))
+        np.maximum.at(bound, owner, standing.bound[stars.edge])
+        return bound
+
     def apart(self, standing: Standing) -> tuple[np.ndarray, np.ndarray]:
         """Bounds (T,) and (S,) on how far each triangle and segment of the mesh is from the input."""
-        ground, stars = self.ground, self.stars
+        ground = self.ground
         triangle = np.zeros(len(ground.triangles))
-        owner = np.repeat(np.arange(len(ground.places)), np.diff(stars.edge_start))
-        bound = np.zeros(len(ground.places))
-        np.maximum.at(bound, owner, standing.bound[stars.edge])
+        bound = self.apart_at(standing)
         if len(triangle):
             triangle = bound[ground.triangles].max(axis=1)
             host = np.flatnonzero(standing.first >= 0)
