@@ -110,7 +110,8 @@ class Domain:
 
     def flatten(self, points: np.ndarray) -> np.ndarray:
         """Coordinates (N, d) of points given as the mesh gives them."""
-        return points if self.plane is None else self.plane.flatten(points)
+        flat = points if self.plane is None else self.plane.flatten(points)
+        return np.ascontiguousarray(flat)  # the layout that kernels are compiled for
 
     def lift(self, points: np.ndarray, flat: np.ndarray) -> np.ndarray:
         """``points``, given as the mesh gives them, moved to the coordinates ``flat`` (N, d)."""
@@ -141,7 +142,7 @@ def domain_of(
         raise InputError("volume cells need three coordinates, the points have 2")
     mids = mid_nodes(mesh)
     blocks = [b for b, block in enumerate(linear) if relaxed_dimension(block.type) == dimension]
-    stored = [Cells(linear[b].type, linear[b].vertices.astype(np.int32)) for b in blocks]
+    stored = [Cells(linear[b].type, linear[b].vertices.astype(np.int32, order="C")) for b in blocks]
     start = np.concatenate([[0], np.cumsum([len(block.vertices) for block in mesh.cells])])
     cell_ids = np.concatenate([np.arange(start[b], start[b + 1]) for b in blocks])
     region, divided_by = regions_of(mesh, blocks, regions)
