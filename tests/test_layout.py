@@ -153,3 +153,9 @@ def test_the_mathematics_needs_numpy_only():
 
 def test_names_of_the_package_are_loaded_when_first_used():
     assert {"numpy", "dvr_cli.api"} <= set(loaded_by("import dvr_cli; dvr_cli.smooth"))
+
+
+def test_no_two_modules_of_tests_have_one_name():
+    """pytest could not tell them apart, and would run neither."""
+    names = sorted(path.name for path in Path(__file__).parent.rglob("*.py") if path.name != "conftest.py")
+    assert len(names) == len(set(names))
