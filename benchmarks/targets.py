@@ -1,4 +1,4 @@
-"""Target shapes: what looking for layers costs, and what targets of their own cost an update."""
+"""Target shapes: what looking for layers and targets of their own cost, what is reached in a metric."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+import dvr_cli
 import meshes
 from common import domain_for, engine_for, fastest, print_table, random_directions, sweep_all, times, warm_up
 from dvr_cli.api.shapes import shaped
@@ -32,6 +33,14 @@ def run(quick: bool) -> None:
     header = ["elements", "cells", "kept", "ms to look for layers", "in sweeps"]
     header += ["µs per update, ideal", "own shapes", "in a metric"]
     print_table("Targets: CPU time, one thread", header, rows)
+    rows = [
+        *_reached("triangles", meshes.random_triangles(2000)),
+        *_reached("tetrahedra", meshes.random_tets(3000)),
+    ]
+    header = ["elements", "stretched", "Q1", "1 % quantile", "mean", "sweeps"]
+    print_table(
+        "Metrics: stretched and turned meshes in the metric that undoes it, default options", header, rows
+    )
 
 
 def _row(kind: str, mesh: Mesh) -> list[object]:
@@ -57,6 +66,26 @@ def _row(kind: str, mesh: Mesh) -> list[object]:
         micro["ideal"],
         *(times(micro["ideal"], micro[name]) for name in ("input", "metric")),
     ]
+
+
+def _reached(kind: str, mesh: Mesh) -> list[list[object]]:
+    """What smoothing makes of a mesh, and of the same stretched in its metric."""
+    cells = {block.type: block.vertices for block in mesh.cells}
+    d = mesh.points.shape[1]
+    cos, sin = np.cos(0.5), np.sin(0.5)
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])[:d, :d]
+    rows: list[list[object]] = []
+    for by in (1.0, 10.0, 100.0):
+        stretch = turn @ np.array([[by, 0.3 * by, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])[:d, :d]
+        back = np.linalg.inv(stretch)
+        if by == 1.0:
+            _, report = dvr_cli.smooth(mesh.points, cells, shape="ideal", threads=1)
+        else:
+            tensors = np.tile(back.T @ back, (len(mesh.points), 1, 1))
+            _, report = dvr_cli.smooth(mesh.points @ stretch.T, cells, metric=tensors, threads=1)
+        after = report.after
+        rows.append([kind, f"{by:g}×", after.q1, after.quantiles[0.01], after.mean, len(report.sweeps)])
+    return rows
 
 
 def _micro_per_update(targets: dict[str, Domain], contender: tuple[str, int]) -> dict[str, float]:
