@@ -238,6 +238,6 @@ def _links(lines: TextLines, section: _Section, n_points: int) -> np.ndarray:
     rows: Rows = lines.rows(section.first, section.rows, 2, "pair of points")
     numbers = lines.numbers(rows, section.first, np.float64)
     pairs = numbers[rows.first[:, None] + np.arange(2)] - 1
-    if ((pairs < 0) | (pairs >= n_points)).any():
+    if not ((pairs >= 0) & (pairs < n_points) & (pairs == np.rint(pairs))).all():
         raise InputError("section identifications names points that do not exist")
     return pairs.astype(np.int64)

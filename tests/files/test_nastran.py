@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
@@ -642,6 +643,25 @@ def test_the_interface_of_two_properties_stays():
         b"CQUAD4,%d,%d,%d,%d,%d,%d\n" % (i + 1, 1 + i % 5 // 2, i + 1, i + 2, i + 7, i + 6) for i in quads
     )
     assert np.flatnonzero(domain_of(opened(grids + cells).mesh).interior).tolist() == [6, 8]
+
+
+def test_elements_without_a_property_have_none_unless_one_has_their_number():
+    """meshio leaves the field blank: then the number of the element stands for a property, if it is there."""
+    text = BODY + b"CTRIA3,7,,1,2,3\nCTRIA3,8,,1,2,3\n"
+    tags = opened(text.replace(b"CTRIA3,1,1,", b"CTRIA3,1,,")).mesh.cell_data["nastran:property"]
+    assert tags[0].tolist() == [0, 0, 0]
+    tags = opened(text + b"PSHELL,7,1,.1\nPARAM,8\n").mesh.cell_data["nastran:property"]
+    assert tags[0].tolist() == [1, 7, 0]
+    tags = opened(text + b"PSOLID         8       1\n").mesh.cell_data["nastran:property"]
+    assert tags[0].tolist() == [1, 0, 8]
+
+
+def test_a_deck_of_meshio_is_one_region(tmp_path):
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.4, 0.3, 0]])
+    cells = [("triangle", [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])]
+    meshio.write(tmp_path / "in.bdf", meshio.Mesh(points, cells), file_format="nastran")
+    domain = domain_of(open_mesh(tmp_path / "in.bdf").mesh)
+    assert np.flatnonzero(domain.interior).tolist() == [4]
 
 
 def test_content_tells_it_from_tecplot():

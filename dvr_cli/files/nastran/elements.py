@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -55,6 +56,9 @@ KINDS = {
 }
 
 
+_PROPERTY = re.compile(rb"P(?!ARAM|LOAD|LOTEL)\w+")
+
+
 class Elements(NamedTuple):
     """Blocks of cells, with the number of the property of each cell, 0 for none."""
 
@@ -68,17 +72,24 @@ def read_elements(deck: Deck, grids: TagIndex) -> Elements:
     grids: finds the place of a node by its number. Raises InputError.
     """
     found = []
+    defined = _properties(deck)
     for name in deck.names:
         if name in KINDS:
-            found += _cells(deck, name, KINDS[name], grids)
+            found += _cells(deck, name, KINDS[name], grids, defined)
     found.sort(key=lambda block: block[0])
     blocks = [Cells(cell_type, vertices) for _, cell_type, vertices, _ in found]
     properties = [tags for *_, tags in found]
     return Elements(blocks, properties)
 
 
+def _properties(deck: Deck) -> np.ndarray:
+    """The numbers of the properties that the deck defines."""
+    names = [name for name in deck.names if _PROPERTY.fullmatch(name)]
+    return np.unique(deck.whole(deck.fields(deck.cards(*names), 0, 1)))
+
+
 def _cells(
-    deck: Deck, name: bytes, kind: Kind, grids: TagIndex
+    deck: Deck, name: bytes, kind: Kind, grids: TagIndex, defined: np.ndarray
 ) -> list[tuple[int, str, np.ndarray, np.ndarray]]:
     """For each cell type among the cards of one name: its first card, the type, vertices and properties."""
     cards = deck.cards(name)
@@ -88,7 +99,9 @@ def _cells(
         table[rows, : fields.line.shape[1]] = deck.integers(fields)
     nodes = table[:, kind.first :]
     properties = table[:, 1] if kind.tagged else np.zeros(len(cards), dtype=np.int64)
-    properties = np.where(properties == 0, table[:, 0], properties) if kind.tagged else properties
+    if kind.tagged:  # by default it has the number of the element, if there is such a property
+        own = np.where(np.isin(table[:, 0], defined), table[:, 0], 0)
+        properties = np.where(properties == 0, own, properties)
     given = nodes != 0
     blocks = []
     unknown = np.ones(len(cards), dtype=bool)
