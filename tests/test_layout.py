@@ -145,6 +145,17 @@ def test_importing_the_package_costs_nothing(statement):
     assert not {"numpy", "meshio", "rich", "trimesh", "typer", "numba", "dvr_cli.api"} & set(modules)
 
 
+def test_a_run_loads_no_reader_of_other_formats(tmp_path):
+    """Of those that have a package of their own: each costs every short run some milliseconds."""
+    header = "# vtk DataFile Version 4.2\none\nASCII\nDATASET UNSTRUCTURED_GRID\n"
+    mesh = "POINTS 3 double\n0 0 0 1 0 0 0 1 0\nCELLS 1 4\n3 0 1 2\nCELL_TYPES 1\n5\n"
+    (tmp_path / "in.vtk").write_text(header + mesh)
+    command = ["smooth", str(tmp_path / "in.vtk"), str(tmp_path / "out.vtk"), "-q"]
+    modules = loaded_by(f"from dvr_cli.cli.main import main; assert main({command!r}) == 0")
+    packages = {f"dvr_cli.files.{path.parent.name}" for path in (ROOT / "files").glob("*/__init__.py")}
+    assert packages & set(modules) == {"dvr_cli.files.vtk"}
+
+
 def test_the_mathematics_needs_numpy_only():
     modules = loaded_by("import dvr_cli.mesh.domain, dvr_cli.relax.sweeps, dvr_cli.report.records")
     assert "numpy" in modules

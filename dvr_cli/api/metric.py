@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from dvr_cli.errors import InputError, UsageError
-from dvr_cli.files.medit.solution import SUFFIXES, read_tensors
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.metric import tensors_of
+
+_SUFFIXES = (".sol", ".solb")  # of MEDIT solutions
 
 
 @dataclass(frozen=True)
@@ -29,8 +30,10 @@ class MetricSource:
         """That of a value of the option; a file is read. Raises InputError for one that cannot be."""
         if isinstance(metric, np.ndarray):
             return cls("array", metric)
-        if Path(metric).suffix.lower() not in SUFFIXES:
+        if Path(metric).suffix.lower() not in _SUFFIXES:
             return cls(str(metric), None)
+        from dvr_cli.files.medit.solution import read_tensors  # most runs need no reader of MEDIT files
+
         try:
             return cls(str(metric), read_tensors(Path(metric)))
         except InputError as error:
@@ -44,7 +47,7 @@ class MetricSource:
         values = mesh.point_data.get(self.name) if self.values is None else self.values
         if values is None:
             known = ", ".join(sorted(mesh.point_data)) or "none"
-            suffixes = " or ".join(SUFFIXES)
+            suffixes = " or ".join(_SUFFIXES)
             raise UsageError(
                 f"metric: no point field {self.name!r} (there are: {known}), nor a {suffixes} file"
             )

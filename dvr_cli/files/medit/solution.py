@@ -18,7 +18,6 @@ from dvr_cli.files.medit.keywords import SOLUTION
 from dvr_cli.files.medit.text import readable, sections_of, with_e
 from dvr_cli.files.numbers_in_text import parse_numbers
 
-SUFFIXES = (".sol", ".solb")
 _SECTION = "SolAtVertices"
 _HEAD = re.compile(rb"\s*(\d{1,15})\s+(\d{1,3})(?!\S)")
 _DIMENSION = re.compile(rb"\s*([23])(?!\S)")
