@@ -69,6 +69,13 @@ class ShapeTable:
     curvature: np.ndarray
     factor: np.ndarray
 
+    def part(self, rows: np.ndarray) -> ShapeTable:
+        """The table of some of the rows (k,), in this order."""
+        factor = self.factor[rows] if len(self.factor) else self.factor
+        return ShapeTable(
+            self.matrices[rows], self.norm[rows], self.slope[rows], self.curvature[rows], factor
+        )
+
     def factors(self, rows: np.ndarray) -> list[np.ndarray] | None:
         """The entries of L of these rows, an array of their shape each; None where the table has no L."""
         return list(np.moveaxis(self.factor[rows], -1, 0)) if len(self.factor) else None

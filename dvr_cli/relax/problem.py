@@ -14,12 +14,14 @@ import numpy as np
 from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.boundary.smooth_parts import SmoothParts
-from dvr_cli.mesh.corners import Corners, Simplices
+from dvr_cli.mesh.corners import Corners, ShapeTable, Simplices
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.morton import morton_order
 from dvr_cli.mesh.rings import Rings, incidence_of
 from dvr_cli.relax.schedule import batches
 from dvr_cli.relax.surface.carriers import Carriers, carriers_of
+
+_FEW_ROWS = 1000  # of a shape table, which any cache holds
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,7 @@ def build_problem(
     vertices, shapes, touched_ids = backend.twin(touched_corners)(
         corners.vertices, corners.shapes, moves, number
     )
-    touched = Simplices(vertices, shapes, corners.table)
+    touched = Simplices(vertices, *_in_order_of_use(shapes, corners.table))
     moving = moves[morton]
     incidence = incidence_of(touched, np.flatnonzero(moving), n_points, backend)
     natural = (np.cumsum(moving) - 1)[number[relaxed]]
@@ -145,6 +147,23 @@ def touched_corners(
     renumbered = number[vertices[touched]]
     order = group(renumbered.min(axis=1), len(number))[0]
     return renumbered[order], shapes[touched[order]], touched[order]
+
+
+def _in_order_of_use(shapes: np.ndarray, table: ShapeTable) -> tuple[np.ndarray, ShapeTable]:
+    """``shapes`` with new numbers, and the table with those rows alone, in the order in which they are named.
+
+    Of many rows those that are used together then lie together in memory. Few are left as they are.
+    """
+    if len(table.norm) <= _FEW_ROWS:
+        return shapes, table
+    named = shapes.ravel()
+    place = np.arange(len(named))
+    first = np.empty(len(table.norm), dtype=np.int64)
+    first[named[::-1]] = place[::-1]  # the first place of each is the last to be put
+    rows = named[first[named] == place]
+    number = np.empty(len(table.norm), dtype=shapes.dtype)
+    number[rows] = np.arange(len(rows), dtype=shapes.dtype)
+    return number[shapes], table.part(rows)
 
 
 def _of_rings(freedom: Freedom | None, vertices: np.ndarray) -> Freedom | None:
