@@ -159,7 +159,8 @@ TABLE = (
         "steepest,random",
         "Along what vertices move: a comma-separated list, one entry a sweep, cycled, of random, x, y, z,"
         " axis (= x,y[,z]), circumferential, radial, steepest (ascent of the worst quality around), "
-        "optimal (steepest until none helps), file:PATH (.npy, .csv or .txt), field:NAME (a vector point "
+        "narrowing (steepest, three times, for corners ever nearer to the worst), optimal (steepest until "
+        "none helps), file:PATH (.npy, .csv or .txt), field:NAME (a vector point "
         "field of IN).",
         RELAXING,
         "SPEC",

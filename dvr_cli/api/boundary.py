@@ -99,7 +99,7 @@ def held_by_shape(
     bound: float,
     vertices: np.ndarray,
 ) -> tuple[str, str] | None:
-    """How features and the bound on the deviation hold ``vertices`` (m,), and what would free them.
+    """The way features and the bound on the deviation hold ``vertices`` (m,), and what would free them.
 
     moves, selected, feature_angle: those of the run, see ``moves_of``. part_of_bound: says which part of the
     bound the deviation takes at vertices. None if neither holds them.
@@ -127,7 +127,7 @@ def held_by_shape(
 
 
 def bound_of(domain: Domain, max_deviation: float | None) -> float:
-    """How far the boundary may come from the input's; None for the usual part of the diagonal."""
+    """The distance the boundary may come from the input's; None for the usual part of the diagonal."""
     if max_deviation is not None:
         return max_deviation
     used = domain.points[domain.corners.vertices.ravel()]

@@ -33,7 +33,7 @@ from dvr_cli.report.records import ShapeUse, SmoothReport, summarise
 # the reasons for which relaxing on would gain nothing
 _DONE = (StopReason.CONVERGED, StopReason.NOTHING_TO_RELAX)
 _PERFECT = 1.0 - 1e-9  # quality from which there is nothing that could be better
-_ON_SURFACES = "optimal"  # directions on surfaces in space where nobody gives any
+_ON_SURFACES = "narrowing"  # directions on surfaces in space where nobody gives any
 # The part of the bound on the deviation up to which vertices walk. Should the deviation as measured exceed
 # the bound nevertheless, the next smaller part is tried.
 _SHARES = (0.97, 0.5, 0.1)
@@ -77,7 +77,7 @@ def smooth_mesh(
     if moves.parts is not None:
         walking = len(moves.parts.walking)
         kind = choose_engine(options.engine, vertices, sweeps, options.takes_patches, walking)
-    # on a surface vertices have little room: measured, polishing first and optimal directions go farthest
+    # on a surface vertices have little room: measured, polishing first and narrowing directions go farthest
     on_surface = domain.is_surface and options.is_free and options.takes_polish
     entries: list[Entry] = [_ON_SURFACES] if on_surface else options.entries
     field = direction_field(entries, domain, mesh.point_data, options.seed, options.center, options.axis)

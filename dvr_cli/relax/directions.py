@@ -17,7 +17,7 @@ from dvr_cli.errors import UsageError
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.simplex import solve
 from dvr_cli.quality.metric import factors_at_vertices
-from dvr_cli.relax.steepest import OPTIMAL, STEEPEST, Ascent
+from dvr_cli.relax.steepest import NARROWING, OPTIMAL, STEEPEST, Ascent
 
 # (sweep k from 0, coordinates (n, d) of the relaxed vertices, their indices (n,)) -> (n, d), or how to find
 # the directions of a batch when its turn comes
@@ -161,6 +161,7 @@ _REGISTRY = (
     Direction("circumferential", lambda to: [circumferential_field(to.center, to.axis)]),
     Direction("radial", lambda to: [radial_field(to.center, to.axis)]),
     Direction("steepest", lambda to: [ascent_field(STEEPEST)]),
+    Direction("narrowing", lambda to: [ascent_field(NARROWING)]),
     Direction("optimal", lambda to: [ascent_field(OPTIMAL)]),
 )
 DIRECTIONS = {direction.name: direction for direction in _REGISTRY}

@@ -69,7 +69,7 @@ class Problem:
         return np.concatenate([np.empty(0, dtype=np.int64), *(np.arange(lo, hi) for lo, hi in starts)])
 
     def parts(self, batch: int) -> tuple[int, int, int]:
-        """Where the rings of a batch begin, those of its vertices that walk, and those of the next batch."""
+        """The first ring of a batch, the first of its vertices that walk, and the first of the next batch."""
         lo, hi = self.batch_start[batch : batch + 2].tolist()
         return lo, hi if self.walk_start is None else int(self.walk_start[batch]), hi
 

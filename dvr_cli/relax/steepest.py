@@ -55,6 +55,8 @@ class Ascent:
 
 
 STEEPEST = Ascent(bands=(0.2,), searches=1)
+# Measured on surfaces: as good as OPTIMAL, and two to three times faster.
+NARROWING = Ascent(bands=(0.2, 0.005, 0.001), searches=1)
 # Where the hull contains zero, no Q is better than the one reached by more than the last band: for weights α
 # with Σ α ∇(1/Q) = 0 convexity makes Σ α (1/Q) least there, and it is at least (1 - band) times the largest.
 OPTIMAL = Ascent(bands=(0.2, 0.03, 0.005, 0.001), searches=8)

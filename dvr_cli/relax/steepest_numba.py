@@ -96,7 +96,7 @@ def gradient(
 
 @inlined
 def moves_anywhere(axis: np.ndarray, ring: int) -> bool:
-    """Whether the ring's vertex is free to move in all directions; axis: as for ``steepest_directions``."""
+    """True if the ring's vertex is free to move in all directions; axis: as for ``steepest_directions``."""
     if len(axis):
         for i in range(axis.shape[1]):
             if axis[ring, i] != 0.0:

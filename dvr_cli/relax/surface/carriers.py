@@ -81,7 +81,7 @@ class RingCorners(NamedTuple):
 
 
 class Standing(NamedTuple):
-    """Where vertices stand, and bounds on how far the mesh has come from the input. Kernels change it.
+    """The places where vertices stand, and bounds on the distance from the input. Kernels change it.
 
     kind: (N,) the carrier of each vertex. at: (N,) its facet or segment, -1 for vertices that do not walk.
     u, w: (N,) where on it; on a segment u is t.
@@ -108,7 +108,7 @@ class Standing(NamedTuple):
 
 @dataclass(frozen=True)
 class Carriers:
-    """What the walking vertices of a problem walk on.
+    """The facets and curves that the vertices of a problem walk on.
 
     on_surface, on_curve: the vertices that walk. curve: (S,) the number of the curve each segment is of.
     turned: (C,) bool, the touched corners of a surface that are turned over in the input. limit: how far the

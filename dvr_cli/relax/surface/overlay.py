@@ -117,7 +117,7 @@ def edge_distance(
     stars: Stars,
     standing: Standing,
 ) -> float:
-    """How far an edge from ``vertex`` to ``end`` is from the input at most, infinite without a trace."""
+    """A bound on the distance of an edge, from ``vertex`` to ``end``, infinite without a trace."""
     of = stars.of[edge]
     if of < 0:
         return _along_curve(points, -1 - of, vertex, end, ground, standing)
@@ -142,7 +142,7 @@ def edge_distance(
 def place_distance(
     points: np.ndarray, place: int, vertex: int, ground: Ground, stars: Stars
 ) -> tuple[float, int]:
-    """How far the place of an input vertex is from the nearest triangle of a star, and that triangle."""
+    """The distance of an input vertex's place from the nearest triangle of a star, and that triangle."""
     least, host = np.inf, -1
     for entry in range(stars.triangle_start[vertex], stars.triangle_start[vertex + 1]):
         triangle = stars.triangle[entry]
@@ -153,7 +153,7 @@ def place_distance(
 
 
 def distance_to(points: np.ndarray, place: int, triangle: int, ground: Ground) -> float:
-    """How far the place of an input vertex is from a triangle of the mesh at ``points``."""
+    """The distance of an input vertex's place from a triangle of the mesh at ``points``."""
     i, j, k = ground.triangles[triangle, 0], ground.triangles[triangle, 1], ground.triangles[triangle, 2]
     x0, x1, x2 = ground.places[place, 0], ground.places[place, 1], ground.places[place, 2]
     a0, a1, a2 = points[i, 0] - x0, points[i, 1] - x1, points[i, 2] - x2

@@ -397,7 +397,7 @@ def _tangent(segment: int, ground: Ground) -> tuple[float, float, float]:
 
 
 def _rates(at: int, d0: float, d1: float, d2: float, ground: Ground) -> tuple[float, float]:
-    """How fast the coordinates u and w of a facet grow along a direction in its plane."""
+    """The rates at which the coordinates u and w of a facet grow along a direction in its plane."""
     places, i = ground.places, ground.triangles[at, 0]
     j, k = ground.triangles[at, 1], ground.triangles[at, 2]
     e0, e1, e2 = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1], places[j, 2] - places[i, 2]
@@ -411,7 +411,7 @@ def _rates(at: int, d0: float, d1: float, d2: float, ground: Ground) -> tuple[fl
 def _way_out(
     vertex: int, d0: float, d1: float, d2: float, came: int, ground: Ground, standing: Standing
 ) -> tuple[float, int]:
-    """How far it is along a direction to the end of the facet or segment, and to which edge or end.
+    """The distance along a direction to the end of the facet or segment, and the edge or end it leads to.
 
     An edge has the number of the vertex opposite. came: that over which the vertex came, or -1.
     """
@@ -658,7 +658,7 @@ def _upright(
     corners: RingCorners,
     standing: Standing,
 ) -> bool:
-    """Whether no triangle of a surface's ring has turned over as its vertex came here from x on facet ``at``.
+    """True if no triangle of a surface's ring turned over as its vertex came here from x on facet ``at``.
 
     A triangle is upright if its normal is on the side of those of the facets that its vertices stand on; if
     none of them stands on one, of that of the facet it was in the input.

@@ -20,7 +20,7 @@ from dvr_cli.relax.directions import random_field
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.engines.numpy_engine import NumpyEngine
 from dvr_cli.relax.problem import build_problem
-from dvr_cli.relax.steepest import OPTIMAL, STEEPEST
+from dvr_cli.relax.steepest import NARROWING, OPTIMAL, STEEPEST
 
 
 def walkers(mesh: Mesh, limit: float, angle: float = 60.0) -> tuple[Engine, object]:
@@ -52,7 +52,7 @@ def nearest(triangles: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.
 def steps(engine: Engine, domain, kind: str):
     """Do a sweep, batch by batch."""
     field = random_field(3, len(domain.points), 1)
-    ascent = {"steepest": STEEPEST, "optimal": OPTIMAL}.get(kind)
+    ascent = {"steepest": STEEPEST, "narrowing": NARROWING, "optimal": OPTIMAL}.get(kind)
     directions = ascent or field(0, engine.relaxed_points, engine.problem.relaxed)
     for batch in range(engine.batches):
         yield engine.move_batch(batch, directions)
@@ -66,7 +66,7 @@ SURFACES = {
 }
 
 
-@pytest.mark.parametrize("kind", ["random", "steepest", "optimal"])
+@pytest.mark.parametrize("kind", ["random", "steepest", "narrowing", "optimal"])
 @pytest.mark.parametrize("name", SURFACES)
 def test_the_vector_never_decreases_after_any_batch(name, kind):
     mesh = SURFACES[name]()
