@@ -135,8 +135,6 @@ class SmoothOptions:
             raise UsageError(
                 "metric: leave out shape input; in a metric cells have the ideal shape as target"
             )
-        if self.boundary == "project":
-            raise UsageError("metric: boundaries can stay fixed or slide, but not be projected in a metric")
         _ = self.metric_source
 
     def _take_preset(self, name: str) -> None:

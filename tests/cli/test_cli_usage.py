@@ -113,7 +113,6 @@ def test_wrong_arguments(dvr, tmp_path, arguments, named):
         (["--plot", "p.gif"], "p.gif"),
         (["--metric", "stress"], "no point field 'stress' (there are: none), nor a .sol or .solb file"),
         (["--metric", "m.sol", "--shape", "input"], "shape input"),
-        (["--metric", "m.sol", "--boundary", "project"], "not be projected"),
         (["--quality-field"], "out.msh"),
         (["-q", "-v"], "--verbose"),
         (["--input-format", "cuneiform"], "cuneiform"),
