@@ -221,7 +221,16 @@ TABLE = (
         panel="Stopping",
     ),
     Option(
-        "target", QUALITY, None, "Stop when Q1 reaches Q.", RELAXING, "Q", recorded=True, panel="Stopping"
+        "target",
+        QUALITY,
+        None,
+        "A quality that is enough: with the default directions only what is worse is moved, and no further; "
+        "with others stop when Q1 reaches Q.",
+        RELAXING,
+        "Q",
+        variants={"morph": Variant(help="Stop when Q1 reaches Q.")},
+        recorded=True,
+        panel="Stopping",
     ),
     Option(
         "time_limit",
@@ -461,8 +470,8 @@ TABLE = (
         "patches",
         SWITCH,
         None,
-        "After the sweeps move the surroundings of the worst elements jointly, worst first, as long as Q1"
-        " grows; default: with the default directions if numba is installed, as it is slow without.",
+        "After the sweeps move the surroundings of the worst elements jointly, worst first, as long as "
+        "they gain; default: with the default directions if numba is installed, as it is slow without.",
         SMOOTH,
         recorded=True,
         shown=False,
@@ -472,8 +481,8 @@ TABLE = (
         "polish",
         SWITCH,
         None,
-        "Afterwards raise the mean quality while Q1 stays above the floor; default: with the default "
-        "directions, unless the quality vector would fall below that of IN.",
+        "Afterwards raise the mean quality while the quality vector below the level of care does not "
+        "decrease; default: with the default directions and no --target.",
         SMOOTH,
         recorded=True,
         shown=False,
@@ -482,8 +491,9 @@ TABLE = (
     Option(
         "floor",
         Values(float, 0, 1, must="be a fraction of Q1, from 0 to 1"),
-        0.999,
-        "The floor of --polish, as a fraction of the Q1 reached.",
+        None,
+        "Let --polish lower all but Q1, which stays above this fraction of what was reached; default: no "
+        "component of the quality vector below the level of care decreases.",
         SMOOTH,
         "F",
         recorded=True,

@@ -70,8 +70,9 @@ class SmoothOptions:
         has any and is no surface, see ``untangling.untangles``.
     patches: after the sweeps move the surroundings of the worst elements jointly, worst first; by default
         with the default directions if numba is installed, as it takes long without.
-    polish: afterwards raise the mean quality, keeping all qualities above floor times the Q1 reached; by
-        default with the default directions, unless the quality vector would fall below that of the input.
+    polish: afterwards raise the mean quality, so that the quality vector below the level of care does not
+        decrease; by default with the default directions and no target. floor: keep all qualities above so
+        much of the Q1 reached, and nothing else.
     preset: "paper" for the paper's Algorithm 1: random directions, natural order, max_iterations sweeps.
     engine: "auto", "numpy" or "numba"; threads: by default all cores. Neither changes the result.
     """
@@ -96,7 +97,7 @@ class SmoothOptions:
     untangle: bool | None = None
     patches: bool | None = None
     polish: bool | None = None
-    floor: float = default("floor")
+    floor: float | None = None
     preset: str | None = None
     engine: str = default("engine")
     threads: int | None = None
@@ -158,7 +159,14 @@ class SmoothOptions:
     @property
     def takes_polish(self) -> bool:
         """True if the run is to be polished."""
-        return self.is_free if self.polish is None else self.polish
+        usual = self.is_free and self.stopping.target is None
+        return usual if self.polish is None else self.polish
+
+    @property
+    def takes_descent(self) -> bool:
+        """True if the run is to begin with a descent."""
+        moves = self.stopping.max_iterations > 0 and self.stopping.target is None
+        return self.is_free and moves and self.takes_polish and self.floor is None
 
     @property
     def is_free(self) -> bool:

@@ -11,14 +11,19 @@ import numpy as np
 from dvr_cli.api.boundary import Moves, change_of
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.mesh.domain import Domain
+from dvr_cli.relax.care import level_of
+from dvr_cli.relax.descent import descend
 from dvr_cli.relax.directions import DirectionField, restrict_field
 from dvr_cli.relax.engines.engine import Engine, State
 from dvr_cli.relax.patches.phase import relax_patches
 from dvr_cli.relax.phases import Phase, PolishPhase
+from dvr_cli.relax.polish import PLAIN, Aim
 from dvr_cli.relax.stopping import Stopping, StopReason
 from dvr_cli.relax.sweeps import Relaxation, Sweep, polish, relax
 from dvr_cli.relax.untangle.phase import Untangling, untangle
 from dvr_cli.report.records import BoundaryChange
+
+_FLOOR = 0.999  # of Q1, where polishing has one floor for all and nobody gave another
 
 
 class Run:
@@ -26,7 +31,7 @@ class Run:
 
     points: (N, d) coordinates reached. phases: as in SmoothReport. sweeps: of all phases.
     untangling: the result of untangling. boundary: the change of a boundary or surface on which vertices
-    walked. Both are None without that.
+    walked. level: of care (see ``relax.care``). All three are None without that.
     """
 
     def __init__(
@@ -50,6 +55,10 @@ class Run:
         self.boundary: BoundaryChange | None = None
         self._unpolished: tuple[State, int] | None = None
         self._begin: np.ndarray | None = None
+        self.level: float | None = (
+            options.stopping.target if options.is_free and moves.parts is None else None
+        )
+        self._dear: float | None = None  # see ``relax.descent``
 
     @property
     def seconds(self) -> float:
@@ -62,13 +71,35 @@ class Run:
         self.untangling = untangle(self.points, corners, freedom, self._time_is_up)
         self.points = self.untangling.points
 
+    def descend(self) -> None:
+        """Lower the price of all elements, and find the level of care; see ``relax.descent``."""
+        hooks = self._on_sweep, self._interrupted
+        self._load()
+        descent = descend(self._engine, self._remaining(), *hooks)
+        self._take_over(descent.outcome)
+        ended = descent.outcome.stopped_because
+        self.phases.append(PolishPhase("descent", len(descent.outcome.sweeps), ended, descent.floor))
+        self.level, self._dear = descent.level, descent.dear
+
     def relax(self, field: DirectionField) -> None:
         """Sweep along the directions of ``field``, as far as the vertices are free to follow."""
+        if self.stopped_because.cuts_short:
+            return
         directions = restrict_field(field, self._moves.within)
         hooks = self._on_sweep, self._interrupted
         self._load()
-        done = len(self.sweeps)
-        self._enter("relax", relax(self._engine, None, directions, self._remaining(), *hooks, done))
+
+        def sweep() -> Relaxation:
+            done = len(self.sweeps)
+            return relax(self._engine, None, directions, self._remaining(), *hooks, self.level, done)
+
+        outcome = sweep()
+        jammed = self._options.stopping.target is not None and self.level is not None
+        if jammed and outcome.stopped_because is StopReason.CONVERGED and not self._options.takes_patches:
+            self._take_over(outcome)  # what is good enough has to make room
+            self.level = None
+            outcome = sweep()
+        self._enter("relax", outcome)
 
     def start_anew(self) -> None:
         """Go back to where the phases after untangling began, and forget them."""
@@ -88,17 +119,29 @@ class Run:
         ended = self.stopped_because in (StopReason.CONVERGED, StopReason.MAX_ITERATIONS)
         if ended and len(problem.free_rings):
             hooks = self._on_sweep, self._interrupted
-            self._enter("patches", relax_patches(self._engine, self._remaining(), len(self.sweeps), *hooks))
+            if self.level is None and self._options.is_free and self._moves.parts is None:
+                self.level = self._level()
+            stopping, done = self._remaining(), len(self.sweeps)
+            self._enter("patches", relax_patches(self._engine, stopping, done, *hooks, self.level))
 
     def polish(self, least: float) -> None:
-        """Raise the mean quality; no quality falls below ``least`` or the options' floor."""
+        """Raise the mean quality: the quality vector below the level of care does not decrease.
+
+        With a floor in the options, and where vertices walk, Q1 stays above that part of it and above
+        ``least``, and that is all.
+        """
         if (self.phases and self.stopped_because.is_final) or not self._engine.batches:
             return
         self._load()
-        floor = max(self._options.floor * self._engine.q1(), least)
+        aim, floor, level = PLAIN, least, self.level or self._level()
+        if self._options.floor is not None or self._moves.parts is not None or level is None:
+            part = _FLOOR if self._options.floor is None else self._options.floor
+            floor = max(part * self._engine.q1(), least)
+        else:
+            aim, floor, self.level = Aim(self._dear or level, relative=True, by_ring=True), level, level
         hooks = self._on_sweep, self._interrupted
         self._unpolished = self._engine.state(), len(self.sweeps)
-        outcome = polish(self._engine, floor, self._remaining(), len(self.sweeps), *hooks)
+        outcome = polish(self._engine, floor, self._remaining(), len(self.sweeps), *hooks, aim=aim)
         ended = outcome.stopped_because
         reason = ended if ended.cuts_short or not self.phases else self.stopped_because
         self._take_over(outcome)
@@ -149,6 +192,11 @@ class Run:
     def _take_over(self, outcome: Relaxation) -> None:
         self.points, self.stopped_because = outcome.points, outcome.stopped_because
         self.sweeps += outcome.sweeps
+
+    def _level(self) -> float | None:
+        """The level of care of the mesh as it is, None where it is too tangled for one."""
+        level = level_of(self._engine.qualities())
+        return level if level > 0.0 else None
 
     def _remaining(self) -> Stopping:
         return self._options.stopping.less(self.seconds)

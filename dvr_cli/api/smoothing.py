@@ -98,6 +98,8 @@ def smooth_mesh(
             reference = reference_quality(after, before)
         if on_surface:
             run.polish(reference.q1 or 0.0)
+        if options.takes_descent and moves.parts is None and engine.batches:
+            run.descend()
         run.relax(field)
         if options.takes_patches:
             run.relax_patches()
@@ -147,6 +149,7 @@ def smooth_mesh(
         stopped_because=run.stopped_because,
         limited_by=limited_by,
         left=left,
+        level=run.level,
         seconds=seconds,
         engine=engine.name,
         threads=engine.threads,

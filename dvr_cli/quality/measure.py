@@ -90,7 +90,7 @@ def measure(
     moves = np.zeros(len(points), dtype=bool)
     moves[relaxed] = True
     touched = moves[corners.vertices].any(axis=1)
-    minima = ring_minima(by_corner, corners, len(points))[relaxed]
+    minima = ring_minima(by_corner, corners, len(points), domain.backend)[relaxed]
     order = np.lexsort((relaxed, minima))
     counts, _ = np.histogram(np.clip(elements, 0.0, 1.0), bins=HISTOGRAM_BINS, range=(0.0, 1.0))
     return Quality(

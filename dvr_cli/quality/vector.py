@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
+from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.corners import Simplices
 
 
-def ring_minima(corner_quality: np.ndarray, corners: Simplices, n_points: int) -> np.ndarray:
+def ring_minima(
+    corner_quality: np.ndarray, corners: Simplices, n_points: int, backend: Backend = NUMPY
+) -> np.ndarray:
     """(N,) minimum quality in the ring of each vertex; infinite for a vertex without corners.
 
-    corner_quality: (C,) quality of each corner.
+    corner_quality: (C,) quality of each corner. backend: what computes; the result is the same.
     """
     minima = np.full(n_points, np.inf)
-    for vertex in corners.vertices.T:
-        np.minimum.at(minima, vertex, corner_quality)
+    backend.twin(lower)(minima, corner_quality, corners.vertices)
     return minima
+
+
+def lower(minima: np.ndarray, values: np.ndarray, vertices: np.ndarray) -> None:
+    """Lower each of ``minima`` (N,) to the least of the ``values`` (C,) of corners ``vertices`` it is in."""
+    for vertex in vertices.T:
+        np.minimum.at(minima, vertex, values)
 
 
 def first_difference(a: np.ndarray, b: np.ndarray) -> int | None:

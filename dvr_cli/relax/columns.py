@@ -30,6 +30,13 @@ class RingChunk:
     shapes: np.ndarray
     real: np.ndarray
 
+    def of(self, keep: np.ndarray) -> RingChunk:
+        """Some of the rings, by their places in the chunk."""
+        shapes = self.shapes if self.shapes.size == 1 else self.shapes[:, keep]
+        return RingChunk(
+            self.rings[keep], self.vertices[keep], self.ends[:, :, keep], shapes, self.real[:, keep]
+        )
+
 
 def ring_chunks(problem: Problem, lo: int, hi: int) -> Iterator[RingChunk]:
     """Cut the rings lo..hi of one batch, sorted by size, into chunks."""

@@ -8,68 +8,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import inlined
 from dvr_cli.quality.badness_numba import badness
 from dvr_cli.relax.columns_numba import (
     BADNESS,
     S0,
     S1,
     S2,
-    SHAPE,
     V0,
     V1,
-    RingArrays,
     first_largest,
-    largest_badness_2d,
-    largest_badness_3d,
-    largest_metric_badness,
     padded,
-    set_ring,
 )
 from dvr_cli.relax.line import GAIN, MAX_NEWTON, MAX_ROUNDS, NEARLY_CROSSED, ROUNDING
-
-
-@compiled
-def relax_rings(
-    points: np.ndarray,
-    directions: np.ndarray,
-    start: int,
-    stop: int,
-    rings: RingArrays,
-    scratch: np.ndarray,
-) -> int:
-    """Move the vertices of rings start .. stop, which are independent, each to the best point of its line.
-
-    points: (N, d), changed in place; directions: (m, d); scratch: (ROWS, largest ring + WIDTH).
-    Returns how many vertices moved.
-    """
-    scratch[SHAPE] = -1.0
-    d = points.shape[1]
-    moved = 0
-    for ring in range(start, stop):
-        vertex = rings.vertices[ring]
-        d0, d1, d2 = directions[ring, 0], directions[ring, 1], directions[ring, 2] if d == 3 else 0.0
-        if d0 == 0.0 and d1 == 0.0 and d2 == 0.0:
-            continue
-        n = set_ring(points, vertex, d0, d1, d2, ring, rings, scratch)
-        step, before = _maximise_minimum(scratch, n, d)
-        if step == 0.0:
-            continue
-        x0 = points[vertex, 0] + step * d0
-        x1 = points[vertex, 1] + step * d1
-        x2 = points[vertex, 2] + step * d2 if d == 3 else 0.0
-        if len(rings.factor):
-            after = largest_metric_badness(x0, x1, x2, n, d, scratch)
-        elif d == 2:
-            after = largest_badness_2d(x0, x1, n, scratch)
-        else:
-            after = largest_badness_3d(x0, x1, x2, n, scratch)
-        if improves(before, after, d):
-            points[vertex, 0], points[vertex, 1] = x0, x1
-            if d == 3:
-                points[vertex, 2] = x2
-            moved += 1
-    return moved
 
 
 @inlined
@@ -79,7 +30,7 @@ def _falling(lines: np.ndarray, c: int, at: float, d: int) -> bool:
 
 
 @inlined
-def _maximise_minimum(lines: np.ndarray, n: int, d: int) -> tuple[float, float]:
+def maximise_minimum(lines: np.ndarray, n: int, d: int) -> tuple[float, float]:
     """(λ, largest badness at λ = 0); see ``line.maximise_minimum``."""
     low, high, low_corner, high_corner = -np.inf, np.inf, 0, 0
     possible = True

@@ -12,9 +12,10 @@ from dvr_cli.relax.stopping import StopReason
 GUARANTEES = {
     "untangle": "there are never more inverted elements than in the input",
     "morph": "no element is inverted or degenerate after any substep",
+    "descent": "Q1 stays at or above that of the start, and the quality vector does not end below it",
     "relax": "the quality vector never decreases in the paper's ordering, so neither does Q1",
     "patches": "the quality vector never decreases in the paper's ordering, so neither does Q1",
-    "polish": "Q1 stays at or above the floor, and that of the input; other components may decrease",
+    "polish": "the quality vector below the level of care never decreases; with --floor Q1 stays above that",
 }
 
 

@@ -1,11 +1,18 @@
-"""Raising the mean quality without giving up the worst: the sum of 1/Q along a line, above a floor.
+"""Raising the mean quality without giving up the worst: a price of the ring along a line, above a floor.
 
-Along its line each 1/Q of a vertex's ring is convex where the ring is positive, so their sum has one lowest
-point, and the λ at which no Q is below a floor form an interval. The lowest sum on that interval is found by
-Newton's method, and by Newton's method again from outside to the end of the interval when it lies beyond.
+The price of a corner with x = 1/Q is
 
-    1/Q = s u,   u = v^(-2/d),   r = v'/v,   q = 2/d:
-    (1/Q)' = u (s' - q s r),     (1/Q)'' = u (s'' - 2 q s' r + q (q + 1) s r²)
+    w x + x (L x)^16 / 17,
+
+where w is 1, or Q² at λ = 0: then the sum of Q grows at least by as much as that of w x falls, since -1/x
+lies below its tangents. L is a level, or zero: below that quality the price rises steeply. Along its line
+each 1/Q of a vertex's ring is convex where the ring is positive, and the price grows with it and is convex in
+it. So the sum over the ring has one lowest point, and the λ at which no Q is below a floor form an interval.
+The lowest price on that interval is found by Newton's method, and by Newton's method again from outside to
+the end of the interval when it lies beyond.
+
+    x = s u,   u = v^(-2/d),   r = v'/v,   q = 2/d:
+    x' = u (s' - q s r),     x'' = u (s'' - 2 q s' r + q (q + 1) s r²)
 
 Only + - * / and square roots are used, and sums run over the corners one after the other, so that
 the compiled twin gets the same bits. Arrays have shape (K, n) as in ``line``; real marks the columns' own
@@ -15,6 +22,7 @@ corners, as opposed to repetitions that fill short rings.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,11 +34,28 @@ from dvr_cli.relax.line import GAIN, ROUNDING, Lines, flatness
 from dvr_cli.relax.steepest import gradient, own_measure
 
 SUM_GAIN = 1e-9  # relative fall of the sum below which a vertex stays where it is
-CLOSE = 1e-4  # relative length of the last Newton step
+CLOSE = 1e-2  # relative length of the last Newton step
 MAX_STEPS = 30  # Newton steps towards the lowest sum; about 4 are usual
 MAX_CLIPS = 30  # Newton steps towards the floor; about 4 are usual
 INSIDE = 1e-6  # how far above the floor, in relative badness, the search along a line ends
 CUBE_ROOT = 0x553EF0FF289DD796  # first guess of v^(-1/3): this less a third of the bits of v
+SQUARINGS = 4  # log2 of the power with which the price rises below the level of care
+
+
+class Aim(NamedTuple):
+    """The price of a corner, and the floor of a ring.
+
+    level: the quality below which it rises, 0.0 for none. relative: whether the weight of a corner is its Q²
+    where the vertex is, rather than 1.
+    by_ring: whether a ring that is worse than the floor has its own worst quality for one.
+    """
+
+    level: float = 0.0
+    relative: bool = False
+    by_ring: bool = False
+
+
+PLAIN = Aim()  # the sum of 1/Q, and one floor for all
 
 
 def inverse_power(v: np.ndarray) -> np.ndarray:
@@ -42,29 +67,56 @@ def inverse_power(v: np.ndarray) -> np.ndarray:
     return y * y
 
 
-def lowest_sum(lines: Lines, real: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
-    """λ that minimises the ring's sum of 1/Q with no badness above limit; 0 where it should stay.
+def weight(x: np.ndarray, aim: Aim) -> np.ndarray:
+    """w of corners with x = 1/Q."""
+    return 1.0 / (x * x) if aim.relative else np.ones_like(x)
 
-    Returns (λ, sum at λ = 0), both (n,). A vertex stays when its ring is not all positive.
+
+def rise(x: np.ndarray, aim: Aim) -> np.ndarray:
+    """(L x)^16: the slope of the price in x beyond w."""
+    power = aim.level * x
+    for _ in range(SQUARINGS):
+        power = power * power
+    return power
+
+
+def lowest_price(
+    lines: Lines, real: np.ndarray, limit: float, aim: Aim
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """λ that minimises the ring's price with no badness above its floor's; 0 where it should stay.
+
+    limit: the badness at the floor. Returns λ and the price at λ = 0, (n,) each, the weights (K, n), and the
+    badness at each ring's floor (n,). A vertex stays when its ring is not all positive.
     """
     with np.errstate(all="ignore"):  # corners that are not positive are dealt with at the end
         barrier = -lines.v0 / lines.v1
         low = np.where(lines.v1 > 0, barrier, -np.inf).max(axis=0)
         high = np.where(lines.v1 < 0, barrier, np.inf).min(axis=0)
-        positive = badness(lines.v0, lines.s0, lines.dimension).max(axis=0) < np.inf
-        now = sum_of_inverses(lines.v0, lines.s0, real, lines.dimension)
+        largest = badness(lines.v0, lines.s0, lines.dimension).max(axis=0)
+        positive = largest < np.inf
+        floor = np.maximum(largest, limit) if aim.by_ring else np.full(len(largest), limit)
+        weights = weight(_inverses(lines.v0, lines.s0, lines.dimension), aim)
+        now = price(lines.v0, lines.s0, real, weights, aim, lines.dimension)
         step = np.zeros(len(now))
         active = np.flatnonzero(positive)
         if len(active):
             ring = lines.taken(active)
-            at = _bottom(ring, real[:, active], low[active], high[active])
-            step[active] = _clip(ring, at, limit)
-    return step, now
+            at = _bottom(ring, real[:, active], weights[:, active], low[active], high[active], aim)
+            step[active] = _clip(ring, at, floor[active])
+    return step, now, weights, floor
 
 
-def sum_of_inverses(v: np.ndarray, s: np.ndarray, real: np.ndarray, dimension: int) -> np.ndarray:
-    """The sum of 1/Q over each ring; without meaning unless all v are positive."""
-    return _sum(s * (1.0 / v if dimension == 2 else inverse_power(v)), real)
+def price(
+    v: np.ndarray, s: np.ndarray, real: np.ndarray, weights: np.ndarray, aim: Aim, dimension: int
+) -> np.ndarray:
+    """The price of each ring; without meaning unless all v are positive."""
+    x = _inverses(v, s, dimension)
+    return _sum(weights * x + rise(x, aim) * x / (2.0**SQUARINGS + 1.0), real)
+
+
+def _inverses(v: np.ndarray, s: np.ndarray, dimension: int) -> np.ndarray:
+    """1/Q of corners with positive v."""
+    return s * (1.0 / v if dimension == 2 else inverse_power(v))
 
 
 def mean_ascent(
@@ -74,9 +126,10 @@ def mean_ascent(
     slope: Sequence[np.ndarray],
     within: tuple[np.ndarray, Components] | None,
     real: np.ndarray,
+    aim: Aim,
     factor: Sequence[np.ndarray] | None = None,
 ) -> list[np.ndarray]:
-    """Unit vectors along which the sum of 1/Q of n rings falls fastest; arguments as for ``steepest``.
+    """Unit vectors along which the price of n rings falls fastest; arguments as for ``steepest``.
 
     Zero where it does not fall, and where a corner is not positive.
     """
@@ -85,8 +138,9 @@ def mean_ascent(
     normal = opposite_normal(ends)
     v, s = dot(edges[0], normal), weighted_norm(edges, norm, factor)
     with np.errstate(all="ignore"):  # what is not finite is found at the end
-        inverse = s * (1.0 / v if d == 2 else inverse_power(v))
-        total = [_sum(inverse * g, real) for g in gradient(edges, normal, v, s, slope, factor)]
+        inverse = _inverses(v, s, d)
+        share = inverse * (weight(inverse, aim) + rise(inverse, aim))
+        total = [_sum(share * g, real) for g in gradient(edges, normal, v, s, slope, factor)]
         total = total if within is None else project(total, *within)
         if factor is not None:
             own = own_measure(factor, within)
@@ -98,11 +152,12 @@ def mean_ascent(
 
 
 def keeps(
-    before: np.ndarray, after: np.ndarray, largest: np.ndarray, limit: float, dimension: int
+    before: np.ndarray, after: np.ndarray, largest: np.ndarray, limit: np.ndarray, dimension: int
 ) -> np.ndarray:
-    """True where the sum fell while the largest badness stayed within the limit, whatever the rounding.
+    """True where the price fell while the largest badness stayed within the limit, whatever the rounding.
 
-    before, after: (n,) sums; largest: (n,) the badness after; for the margin see ``line.improves``.
+    before, after: (n,) prices; largest: (n,) the badness after, and limit: (n,) that at the floor; for the
+    margin see ``line.improves``.
     """
     uncertain = ROUNDING * flatness(largest, dimension)
     with np.errstate(invalid="ignore"):
@@ -119,12 +174,14 @@ def _sum(terms: np.ndarray, real: np.ndarray) -> np.ndarray:
     return total
 
 
-def _bottom(lines: Lines, real: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """λ in (low, high) that minimises the sum of 1/Q, from λ = 0."""
+def _bottom(
+    lines: Lines, real: np.ndarray, weights: np.ndarray, low: np.ndarray, high: np.ndarray, aim: Aim
+) -> np.ndarray:
+    """λ in (low, high) that minimises the price, from λ = 0."""
     n = len(low)
     result, which, at = np.zeros(n), np.arange(n), np.zeros(n)
     for _ in range(MAX_STEPS):
-        slope, curvature = _derivatives(lines, real, at)
+        slope, curvature = _derivatives(lines, real, weights, at, aim)
         low, high = np.where(slope < 0.0, at, low), np.where(slope < 0.0, high, at)
         newton = at - slope / curvature
         after = np.where((newton > low) & (newton < high), newton, 0.5 * (low + high))
@@ -134,9 +191,10 @@ def _bottom(lines: Lines, real: np.ndarray, low: np.ndarray, high: np.ndarray) -
         if not len(keep):
             break
         at = after[keep]
-        lines, real, which, low, high = (
+        lines, real, weights, which, low, high = (
             lines.taken(keep),
             real[:, keep],
+            weights[:, keep],
             which[keep],
             low[keep],
             high[keep],
@@ -144,8 +202,10 @@ def _bottom(lines: Lines, real: np.ndarray, low: np.ndarray, high: np.ndarray) -
     return result
 
 
-def _derivatives(lines: Lines, real: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First and second derivative of the sum of 1/Q at λ."""
+def _derivatives(
+    lines: Lines, real: np.ndarray, weights: np.ndarray, at: np.ndarray, aim: Aim
+) -> tuple[np.ndarray, np.ndarray]:
+    """First and second derivative of the price at λ."""
     q = 2.0 / lines.dimension
     v, s = lines.v(at), lines.s(at)
     u = 1.0 / v if lines.dimension == 2 else inverse_power(v)
@@ -153,11 +213,14 @@ def _derivatives(lines: Lines, real: np.ndarray, at: np.ndarray) -> tuple[np.nda
     ds = 2.0 * (lines.s1 + lines.s2 * at)
     first = u * (ds - q * s * r)
     second = u * (2.0 * lines.s2 - 2.0 * q * ds * r + q * (q + 1.0) * s * r * r)
-    return _sum(first, real), _sum(second, real)
+    x = s * u
+    steep = rise(x, aim)
+    second = (weights + steep) * second + 2.0**SQUARINGS * steep / x * first * first
+    return _sum((weights + steep) * first, real), _sum(second, real)
 
 
-def _clip(lines: Lines, at: np.ndarray, limit: float) -> np.ndarray:
-    """λ between 0 and ``at``, as near to that as the limit on the badness allows.
+def _clip(lines: Lines, at: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """λ between 0 and ``at``, as near to that as the limit (n,) on the badness allows.
 
     B = limit is where t = rate · v; t - rate · v is convex, so Newton's method stays outside all the way.
     """
@@ -171,6 +234,7 @@ def _clip(lines: Lines, at: np.ndarray, limit: float) -> np.ndarray:
         if not len(keep):
             break
         lines, which, at, worst = lines.taken(keep), which[keep], at[keep], worst[keep]
+        limit, rate = limit[keep], rate[keep]
         one = lines.of(worst)
         v, t, dt = one.root(at)
         after = at - (t - rate * v) / (dt - rate * one.v1)

@@ -15,6 +15,7 @@ from dvr_cli.relax.columns_numba import (
     SHAPE,
     V0,
     V1,
+    WEIGHT,
     RingArrays,
     set_ring,
     solve,
@@ -22,7 +23,7 @@ from dvr_cli.relax.columns_numba import (
 )
 from dvr_cli.relax.line import GAIN, ROUNDING
 from dvr_cli.relax.line_numba import root, s_at, v_at, worst_corner
-from dvr_cli.relax.polish import CLOSE, CUBE_ROOT, INSIDE, MAX_CLIPS, MAX_STEPS, SUM_GAIN
+from dvr_cli.relax.polish import CLOSE, CUBE_ROOT, INSIDE, MAX_CLIPS, MAX_STEPS, SQUARINGS, SUM_GAIN, Aim
 from dvr_cli.relax.steepest_numba import gradient, moves_anywhere, project
 
 
@@ -34,11 +35,13 @@ def polish_rings(
     stop: int,
     rings: RingArrays,
     limit: float,
+    aim: Aim,
     scratch: np.ndarray,
 ) -> int:
-    """Move the vertices of rings start .. stop, each to where the sum of 1/Q is lowest above the floor.
+    """Move the vertices of rings start .. stop, each to where the price is lowest above the floor.
 
-    limit: the badness at the floor. The other arguments are as for ``relax_rings``. Returns how many moved.
+    limit: the badness at the floor. A vertex without a direction stays. The other arguments are as for
+    ``relax_rings``. Returns how many moved.
     """
     scratch[SHAPE] = -1.0
     d = points.shape[1]
@@ -46,18 +49,25 @@ def polish_rings(
     for ring in range(start, stop):
         vertex = rings.vertices[ring]
         d0, d1, d2 = directions[ring, 0], directions[ring, 1], directions[ring, 2] if d == 3 else 0.0
-        n = set_ring(points, vertex, d0, d1, d2, ring, rings, scratch)
-        if scratch[BADNESS, worst_corner(scratch, n, 0.0, d)] == np.inf:
+        if d0 == 0.0 and d1 == 0.0 and d2 == 0.0:
             continue
-        before = _sum_of_inverses(scratch, n, d)
-        step = _clip(scratch, n, d, _bottom(scratch, n, d), limit)
+        n = set_ring(points, vertex, d0, d1, d2, ring, rings, scratch)
+        largest = scratch[BADNESS, worst_corner(scratch, n, 0.0, d)]
+        if largest == np.inf:
+            continue
+        floor = max(largest, limit) if aim.by_ring else limit
+        _set_powers(scratch, n, d, 0.0)
+        for c in range(n):
+            scratch[WEIGHT, c] = weight(scratch[S0, c] * scratch[POWER, c], aim)
+        before = _price(scratch, n, d, aim)
+        step = _clip(scratch, n, d, _bottom(scratch, n, d, aim), floor)
         if step == 0.0:
             continue
         x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2] if d == 3 else 0.0
         _put(points, vertex, x0 + step * d0, x1 + step * d1, x2 + step * d2)
         set_ring(points, vertex, 0.0, 0.0, 0.0, ring, rings, scratch)
         largest = scratch[BADNESS, worst_corner(scratch, n, 0.0, d)]
-        if _keeps(before, _sum_of_inverses(scratch, n, d), largest, limit, d):
+        if _keeps(before, _price(scratch, n, d, aim), largest, floor, d):
             moved += 1
         else:
             _put(points, vertex, x0, x1, x2)
@@ -73,9 +83,11 @@ def mean_directions(
     rings: RingArrays,
     on_line: np.ndarray,
     axis: np.ndarray,
+    active: np.ndarray,
+    aim: Aim,
     scratch: np.ndarray,
 ) -> None:
-    """Set the rows start .. stop of ``directions`` to those along which their sums of 1/Q fall fastest.
+    """Set the rows start .. stop of ``directions`` to those along which their prices fall fastest.
 
     The arguments are as for ``steepest_directions``.
     """
@@ -84,6 +96,8 @@ def mean_directions(
     for ring in range(start, stop):
         vertex = rings.vertices[ring]
         directions[ring] = 0.0
+        if not active[ring]:
+            continue
         n = set_ring(points, vertex, 0.0, 0.0, 0.0, ring, rings, scratch)
         if scratch[BADNESS, worst_corner(scratch, n, 0.0, d)] == np.inf:
             continue
@@ -92,8 +106,9 @@ def mean_directions(
         for c in range(n):
             gradient(points, vertex, c, d, len(rings.factor) > 0, scratch, c)
             inverse = scratch[S0, c] * scratch[POWER, c]
+            share = inverse * (weight(inverse, aim) + rise(inverse, aim))
             for i in range(d):
-                here = inverse * scratch[GRADIENT + i, c]
+                here = share * scratch[GRADIENT + i, c]
                 scratch[GRADIENT + i, total] = here if c == 0 else scratch[GRADIENT + i, total] + here
         if len(axis):
             project(on_line[ring], axis, ring, d, scratch, total)
@@ -144,17 +159,33 @@ def _set_powers(lines: np.ndarray, n: int, d: int, at: float) -> None:
 
 
 @inlined
-def _sum_of_inverses(lines: np.ndarray, n: int, d: int) -> float:
-    """The sum of 1/Q at λ = 0."""
+def weight(x: float, aim: Aim) -> float:
+    """See ``polish.weight``."""
+    return 1.0 / (x * x) if aim.relative else 1.0
+
+
+@inlined
+def rise(x: float, aim: Aim) -> float:
+    """See ``polish.rise``."""
+    power = aim.level * x
+    for _ in range(SQUARINGS):
+        power = power * power
+    return power
+
+
+@inlined
+def _price(lines: np.ndarray, n: int, d: int, aim: Aim) -> float:
+    """The price at λ = 0, with the weights in their row."""
     _set_powers(lines, n, d, 0.0)
-    total = lines[S0, 0] * lines[POWER, 0]
-    for c in range(1, n):
-        total = total + lines[S0, c] * lines[POWER, c]
+    total = 0.0
+    for c in range(n):
+        x = lines[S0, c] * lines[POWER, c]
+        total = total + (lines[WEIGHT, c] * x + rise(x, aim) * x / (2.0**SQUARINGS + 1.0))
     return total
 
 
 @inlined
-def _bottom(lines: np.ndarray, n: int, d: int) -> float:
+def _bottom(lines: np.ndarray, n: int, d: int, aim: Aim) -> float:
     low, high = -np.inf, np.inf
     for c in range(n):
         barrier = -lines[V0, c] / lines[V1, c]
@@ -164,7 +195,7 @@ def _bottom(lines: np.ndarray, n: int, d: int) -> float:
             high = barrier
     at = 0.0
     for _ in range(MAX_STEPS):
-        slope, curvature = _derivatives(lines, n, d, at)
+        slope, curvature = _derivatives(lines, n, d, at, aim)
         if slope == 0.0:
             break
         if slope < 0.0:
@@ -179,7 +210,7 @@ def _bottom(lines: np.ndarray, n: int, d: int) -> float:
 
 
 @inlined
-def _derivatives(lines: np.ndarray, n: int, d: int, at: float) -> tuple[float, float]:
+def _derivatives(lines: np.ndarray, n: int, d: int, at: float, aim: Aim) -> tuple[float, float]:
     q = 2.0 / d
     _set_powers(lines, n, d, at)
     slope = curvature = 0.0
@@ -189,7 +220,10 @@ def _derivatives(lines: np.ndarray, n: int, d: int, at: float) -> tuple[float, f
         ds = 2.0 * (lines[S1, c] + s2 * at)
         first = u * (ds - q * s * r)
         second = u * (2.0 * s2 - 2.0 * q * ds * r + q * (q + 1.0) * s * r * r)
-        slope, curvature = slope + first, curvature + second
+        x = s * u
+        price, steep = lines[WEIGHT, c], rise(x, aim)
+        slope = slope + (price + steep) * first
+        curvature = curvature + ((price + steep) * second + 2.0**SQUARINGS * steep / x * first * first)
     return slope, curvature
 
 

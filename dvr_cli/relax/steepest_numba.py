@@ -36,11 +36,13 @@ def steepest_directions(
     on_line: np.ndarray,
     axis: np.ndarray,
     band: float,
+    active: np.ndarray,
     scratch: np.ndarray,
 ) -> None:
     """Set the rows start .. stop of ``directions`` (m, d) to those of steepest ascent of their rings.
 
-    on_line, axis: (m,) and (m, d), see ``freedom.project``; empty where all vertices move anywhere.
+    active: (m,) bool, the rings that are asked about; the rows of others become zero. on_line, axis: (m,)
+    and (m, d), see ``freedom.project``; empty where all vertices move anywhere.
     The other arrays are as for ``relax_rings``.
     """
     scratch[SHAPE] = -1.0
@@ -48,6 +50,9 @@ def steepest_directions(
     keep = 1.0 - band
     keep = keep if d == 2 else keep * keep * keep
     for ring in range(start, stop):
+        if not active[ring]:
+            directions[ring] = 0.0
+            continue
         vertex = rings.vertices[ring]
         n = set_ring(points, vertex, 0.0, 0.0, 0.0, ring, rings, scratch)
         worst = worst_corner(scratch, n, 0.0, d)

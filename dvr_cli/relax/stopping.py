@@ -72,7 +72,11 @@ class Stopping:
         growth = [after - before for before, after in pairwise(q1)][-self.patience :]
         if len(growth) == self.patience and max(growth) < self.tol:
             return StopReason.CONVERGED
-        if len(q1) > self.max_iterations:
+        return self.limit(len(q1) - 1, seconds)
+
+    def limit(self, sweeps: int, seconds: float) -> StopReason | None:
+        """The reason not to go on after so many sweeps and seconds, or None."""
+        if sweeps >= self.max_iterations:
             return StopReason.MAX_ITERATIONS
         if self.time_limit is not None and seconds >= self.time_limit:
             return StopReason.TIME_LIMIT

@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvr_cli.quality.badness import badness_of
+from dvr_cli.relax.care import Care
 from dvr_cli.relax.directions import DirectionField
 from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.polish import PLAIN, Aim
 from dvr_cli.relax.stopping import Stopping, StopReason
 
 
@@ -48,10 +50,13 @@ def relax(
     stopping: Stopping,
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
+    level: float | None = None,
     done: int = 0,
 ) -> Relaxation:
     """Relax the vertices of the engine's problem from ``points`` (N, d), None for where the engine is.
 
+    level: of care; with it only rings below it move, no further than needed, until all have settled. Without,
+    all move as far as there is anything to gain, until Q1 has converged.
     on_sweep: called after each sweep. interrupted: asked after each batch; when true the mesh reached is the
     result. done: how many sweeps came before. Every intermediate mesh is valid and no worse (Theorem 4.10).
     """
@@ -60,20 +65,33 @@ def relax(
         engine.load(points)
     if not len(engine.problem.relaxed):
         return Relaxation(engine.points, [], StopReason.NOTHING_TO_RELAX)
-    history = [engine.q1()]
+    care = None if level is None else Care(engine, level, stopping)
+    history = [engine.q1() if care is None else care.q1]
     sweeps: list[Sweep] = []
-    while (reason := stopping.reason(history, time.perf_counter() - start)) is None:
+
+    # towards a target they go as far as they can, as they have to make room for each other
+    enough = 0.0
+    if level is not None and stopping.target is None:
+        enough = badness_of(level, engine.problem.dimension)
+
+    def ended() -> StopReason | None:
+        seconds = time.perf_counter() - start
+        return stopping.reason(history, seconds) if care is None else care.reason(len(sweeps), seconds)
+
+    while (reason := ended()) is None:
         sweep_start = time.perf_counter()
         moved = 0
         directions = field(len(sweeps), engine.relaxed_points, engine.problem.relaxed)
+        active = None if care is None else care.active
         for batch in range(engine.batches):
-            moved += engine.move_batch(batch, directions)
+            moved += engine.move_batch(batch, directions, active, enough)
             if (cut := cut_short(start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
-        history.append(engine.q1())
-        sweeps.append(
-            Sweep(done + len(sweeps) + 1, "relax", history[-1], moved, time.perf_counter() - sweep_start)
-        )
+        if care is not None:
+            care.update()
+        history.append(engine.q1() if care is None else care.q1)
+        number, seconds = done + len(sweeps) + 1, time.perf_counter() - sweep_start
+        sweeps.append(Sweep(number, "relax", history[-1], moved, seconds))
         if on_sweep is not None:
             on_sweep(sweeps[-1])
     if not sweeps:  # what ended untangling early is then the reason
@@ -88,28 +106,36 @@ def polish(
     done: int = 0,
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
+    phase: str = "polish",
+    aim: Aim = PLAIN,
+    below: float = np.inf,
+    measure: Callable[[np.ndarray], float] = np.mean,
 ) -> Relaxation:
     """Raise the mean quality from where the engine is, with no quality that is above the floor falling below.
 
-    Each vertex moves along the direction in which the sum of 1/Q around it falls fastest, to where that sum
-    is lowest. Stops when the mean grows by less than ``stopping.tol`` in a sweep, and after its
-    max_iterations and time_limit. done: how many sweeps came before. on_sweep, interrupted: see ``relax``.
+    Each vertex moves along the direction in which the price of its ring (see ``polish``) falls fastest, to
+    where it is lowest. Stops when the ``measure`` of the corners' qualities, by default their mean, grows by
+    less than ``stopping.tol`` in a sweep, and after its max_iterations and time_limit. done: how many sweeps
+    came before. on_sweep, interrupted: see ``relax``. phase: the name in the sweeps. aim: the price, and
+    whether the floor is one for all. below: only rings with a worse quality are visited.
     """
     limit = badness_of(floor, engine.problem.dimension)
     start = time.perf_counter()
-    mean = float(engine.qualities().mean())
+    reached = float(measure(engine.qualities()))
     sweeps: list[Sweep] = []
     while len(sweeps) < stopping.max_iterations:
         sweep_start = time.perf_counter()
         moved = 0
+        active = None if below == np.inf else engine.ring_qualities() < below
         for batch in range(engine.batches):
-            moved += engine.polish_batch(batch, engine.mean_ascent(batch), limit)
+            moved += engine.polish_batch(batch, engine.mean_ascent(batch, aim, active), limit, aim)
             if (cut := cut_short(start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
         qualities = engine.qualities()
-        growth, mean = float(qualities.mean()) - mean, float(qualities.mean())
+        growth, reached = float(measure(qualities)) - reached, float(measure(qualities))
+        mean = float(qualities.mean())
         seconds = time.perf_counter() - sweep_start
-        sweeps.append(Sweep(done + len(sweeps) + 1, "polish", float(qualities.min()), moved, seconds, mean))
+        sweeps.append(Sweep(done + len(sweeps) + 1, phase, float(qualities.min()), moved, seconds, mean))
         if on_sweep is not None:
             on_sweep(sweeps[-1])
         if growth < stopping.tol:

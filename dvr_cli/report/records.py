@@ -145,6 +145,7 @@ class SmoothReport:
     stopped_because: why it ended.
     limited_by: what holds the worst element where relaxing on would not, None if that is not known.
     left: the elements that are inverted or degenerate in the end, by reason: as for untangling.
+    level: of care: the quality below which every element was cared for, None where only Q1 was.
     boundary: what became of a boundary or surface on which vertices walked, else None.
     seconds: time of the relaxation, reading and writing aside.
     shape: what cells were measured against. plain: where some were kept, or in a metric, the qualities
@@ -165,6 +166,7 @@ class SmoothReport:
     threads: int
     options: dict[str, Any]
     left: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(REASONS, 0))
+    level: float | None = None
     boundary: BoundaryChange | None = None
     shape: ShapeUse = ShapeUse("ideal", 0, 1.0)
     plain: tuple[Quality, Quality] | None = None
@@ -206,6 +208,7 @@ class SmoothReport:
             "stopped_because": self.stopped_because,
             "limited_by": None if self.limited_by is None else asdict(self.limited_by),
             "left": dict(self.left),
+            "level": self.level,
             "boundary": None if self.boundary is None else asdict(self.boundary),
             "shape": asdict(self.shape),
             "plain": None

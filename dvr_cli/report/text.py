@@ -251,6 +251,9 @@ def _reason(report: SmoothReport) -> str:
     options = report.options
     selects = any(options[name] not in (None, []) for name in ("fix", "only", "below", "vertices"))
     patches = any(phase.phase == "patches" for phase in report.phases)
+    if report.stopped_because is StopReason.CONVERGED and report.level is not None:
+        how = ", alone or jointly" if patches else ""
+        return f"converged: no element below {_digits(report.level)}, the level of care, gains any more{how}"
     if report.stopped_because is StopReason.CONVERGED and patches:
         return "converged: moved jointly, the surroundings of the worst element gain no more"
     return {
@@ -294,7 +297,8 @@ def _polishing(report: SmoothReport) -> list[str]:
     if not isinstance(phase, PolishPhase) or not phase.sweeps:
         return []
     sweeps, floor = _count(phase.sweeps, "sweep"), _digits(phase.floor)
-    return [f"polished in {sweeps}: the mean raised, Q1 kept above {floor}"]
+    kept = "Q1 kept above" if phase.floor != report.level else "the quality vector kept below"
+    return [f"polished in {sweeps}: the mean raised, {kept} {floor}"]
 
 
 def _kind(mesh: MeshSummary) -> str:

@@ -326,9 +326,11 @@ def test_all_phases_are_run_unless_directions_are_prescribed():
     mesh = as_meshio(random_mesh("tetra", 1))
     compiled = ["patches"] if has_numba() else []
     _, report = dvr_cli.smooth(mesh)
-    assert phases(report) == ["relax", *compiled, "polish"]
+    assert phases(report) == ["descent", "relax", *compiled, "polish"]
     assert report.options["directions"] == "steepest,random"
     assert phases(dvr_cli.smooth(mesh, polish=False, patches=False)[1]) == ["relax"]
+    assert phases(dvr_cli.smooth(mesh, target=0.1)[1]) == ["relax"]
+    assert phases(dvr_cli.smooth(mesh, floor=0.9)[1]) == ["relax", *compiled, "polish"]
     assert phases(dvr_cli.smooth(mesh, directions="x")[1]) == ["relax"]
     assert phases(dvr_cli.smooth(mesh, directions="x", patches=True, polish=True)[1]) == [
         "relax",
@@ -341,8 +343,8 @@ def test_all_phases_are_run_unless_directions_are_prescribed():
 def test_without_numba_patches_wait_to_be_asked_for(monkeypatch):
     monkeypatch.setattr("dvr_cli.api.options.has_numba", lambda: False)
     mesh = as_meshio(random_mesh("triangle", 1))
-    assert phases(dvr_cli.smooth(mesh)[1]) == ["relax", "polish"]
-    assert phases(dvr_cli.smooth(mesh, patches=True)[1]) == ["relax", "patches", "polish"]
+    assert phases(dvr_cli.smooth(mesh)[1]) == ["descent", "relax", "polish"]
+    assert phases(dvr_cli.smooth(mesh, patches=True)[1]) == ["descent", "relax", "patches", "polish"]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -362,13 +364,15 @@ def test_polishing_that_would_lower_the_quality_vector_is_undone():
     fan = np.array([[5, 0], [25, 0], [25, 1], [5, 1], [15, 0.5]])
     around = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]) + len(best)
     points, cells = np.concatenate([best, fan]), {"triangle": np.concatenate([triangles, around])}
-    _, report = dvr_cli.smooth(points, cells, shape="ideal")
+    _, usual = dvr_cli.smooth(points, cells, shape="ideal")
+    assert at_least(usual.after.vector, usual.before.vector)
+    _, report = dvr_cli.smooth(points, cells, shape="ideal", floor=0.999)
     assert report.after.q1 == report.before.q1
     assert report.phases[-1].phase == "polish"
     assert report.phases[-1].stopped_because == "undone"
     assert not [sweep for sweep in report.sweeps if sweep["phase"] == "polish"]
     assert at_least(report.after.vector, report.before.vector)
-    _, forced = dvr_cli.smooth(points, cells, shape="ideal", polish=True)
+    _, forced = dvr_cli.smooth(points, cells, shape="ideal", floor=0.999, polish=True)
     assert not at_least(forced.after.vector, forced.before.vector)
     assert forced.after.q1 >= forced.before.q1
     assert forced.after.mean > report.after.mean

@@ -154,7 +154,18 @@ def test_quiet_prints_nothing(dvr, tmp_path):
 
 
 def test_verbose_prints_a_line_for_each_sweep(dvr, tmp_path):
-    result = dvr("smooth", fan(tmp_path / "in.msh"), tmp_path / "out.msh", "-v", "-n", "3", "--tol", "0")
+    result = dvr(
+        "smooth",
+        fan(tmp_path / "in.msh"),
+        tmp_path / "out.msh",
+        "-v",
+        "-n",
+        "3",
+        "-d",
+        "random",
+        "--tol",
+        "0",
+    )
     numbers = re.findall(r"^sweep +(\d+)  Q1 \S+  moved \d+  ", result.err, flags=re.MULTILINE)
     assert numbers == ["1", "2", "3"]
 

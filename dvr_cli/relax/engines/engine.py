@@ -10,6 +10,8 @@ import numpy as np
 
 from dvr_cli.backend import Backend
 from dvr_cli.quality.mean_ratio import corner_qualities
+from dvr_cli.quality.vector import ring_minima
+from dvr_cli.relax.polish import PLAIN, Aim
 from dvr_cli.relax.problem import Problem
 from dvr_cli.relax.steepest import Ascent
 from dvr_cli.relax.surface.carriers import Standing
@@ -38,6 +40,7 @@ class Engine(ABC):
         self._directions = np.zeros((len(problem.rings.vertices), problem.components))
         self._largest_ring = int(problem.rings.sizes.max(initial=0))
         self._rows: Any = ring_rows(problem)
+        self._all = np.ones(len(problem.rings.vertices), dtype=bool)
 
     @property
     def batches(self) -> int:
@@ -85,7 +88,7 @@ class Engine(ABC):
 
     def qualities(self) -> np.ndarray:
         """(C,) quality of each corner with a relaxed vertex."""
-        return corner_qualities(self._get(), self.problem.touched, inverted=self.turned)
+        return corner_qualities(self._get(), self.problem.touched, self.backend, self.turned)
 
     @property
     def turned(self) -> np.ndarray | None:
@@ -122,41 +125,56 @@ class Engine(ABC):
         self._set(state[0])
         self._standing = state[1]
 
-    def move_batch(self, batch: int, directions: np.ndarray | Ascent) -> int:
+    def ring_qualities(self) -> np.ndarray:
+        """(m,) the worst quality in each ring."""
+        problem = self.problem
+        minima = ring_minima(self.qualities(), problem.touched, len(problem.order), self.backend)
+        return minima[problem.rings.vertices]
+
+    def move_batch(
+        self,
+        batch: int,
+        directions: np.ndarray | Ascent,
+        active: np.ndarray | None = None,
+        enough: float = 0.0,
+    ) -> int:
         """Relax a batch along given directions (see ``relax_batch``) or those of steepest ascent.
 
-        Returns how many vertices moved.
+        active: (m,) bool, the rings whose vertices are to move, by default all. Returns how many moved.
         """
         if not isinstance(directions, Ascent):
-            return self.relax_batch(batch, directions)
+            chosen = directions if active is None else np.where(active[:, None], directions, 0.0)
+            return self.relax_batch(batch, chosen, enough)
         lo, hi = self.problem.batch_start[batch : batch + 2].tolist()
         before = self._get()[self.problem.rings.vertices[lo:hi]]
         for band in directions.bands:
             for _ in range(directions.searches):
-                if not self.relax_batch(batch, self.steepest(batch, band)):
+                if not self.relax_batch(batch, self.steepest(batch, band, active), enough):
                     break
         after = self._get()[self.problem.rings.vertices[lo:hi]]
         return int((after != before).any(axis=1).sum())
 
-    def steepest(self, batch: int, band: float) -> np.ndarray:
+    def steepest(self, batch: int, band: float, active: np.ndarray | None = None) -> np.ndarray:
         """(m, d) directions of which those of a batch are of steepest ascent of their rings' minimum quality.
 
         They hold for the coordinates as they are now; see ``steepest.steepest``. The others mean nothing.
+        active: (m,) bool, the rings that are asked about, by default all; others get zero.
         """
         lo, walking, hi = self.problem.parts(batch)
         if lo < walking:
-            self._steepest(batch, lo, walking, band)
+            self._steepest(batch, lo, walking, band, self._all if active is None else active)
         self._point_ahead(walking, hi, band)
         return self._inside(lo, walking)
 
-    def mean_ascent(self, batch: int) -> np.ndarray:
-        """(m, d) directions of which those of a batch are along which their rings' sums of 1/Q fall fastest.
+    def mean_ascent(self, batch: int, aim: Aim = PLAIN, active: np.ndarray | None = None) -> np.ndarray:
+        """(m, d) directions of which those of a batch are along which the price of their rings falls fastest.
 
         They hold for the coordinates as they are now; see ``polish.mean_ascent``. The others mean nothing.
+        active: as for ``steepest``.
         """
         lo, walking, hi = self.problem.parts(batch)
         if lo < walking:
-            self._mean_ascent(batch, lo, walking)
+            self._mean_ascent(batch, lo, walking, aim, self._all if active is None else active)
         self._point_ahead(walking, hi, -1.0)
         return self._inside(lo, walking)
 
@@ -167,22 +185,24 @@ class Engine(ABC):
             directions[lo:hi] = freedom.directions(directions[lo:hi], np.arange(lo, hi))
         return directions
 
-    def relax_batch(self, batch: int, directions: np.ndarray) -> int:
+    def relax_batch(self, batch: int, directions: np.ndarray, enough: float = 0.0) -> int:
         """Move each vertex of a batch to the best point of its line; returns how many moved.
 
         directions: (m, d), row i for ring i of the problem; a zero row leaves its vertex where it is.
+        enough: the badness with which a ring is good enough: its vertex goes no further; 0.0 for none.
         """
         lo, walking, hi = self.problem.parts(batch)
-        moved = self._relax(batch, lo, walking, directions) if lo < walking else 0
+        moved = self._relax(batch, lo, walking, directions, enough) if lo < walking else 0
         return moved + self._walk(walking, hi, directions, False, np.inf)
 
-    def polish_batch(self, batch: int, directions: np.ndarray, limit: float) -> int:
-        """Move each vertex of a batch to where the sum of 1/Q along its line is lowest above the floor.
+    def polish_batch(self, batch: int, directions: np.ndarray, limit: float, aim: Aim = PLAIN) -> int:
+        """Move each vertex of a batch to where the price along its line is lowest above the floor.
 
-        directions: as for ``relax_batch``; limit: the badness at the floor. Returns how many moved.
+        directions: as for ``relax_batch``; limit: the badness at the floor; aim: what is paid for. Returns
+        how many moved.
         """
         lo, walking, hi = self.problem.parts(batch)
-        moved = self._polish(batch, lo, walking, directions, limit) if lo < walking else 0
+        moved = self._polish(batch, lo, walking, directions, limit, aim) if lo < walking else 0
         return moved + self._walk(walking, hi, directions, True, limit)
 
     def _walk(self, lo: int, hi: int, directions: np.ndarray, polishing: bool, floor: float) -> int:
@@ -218,19 +238,19 @@ class Engine(ABC):
             return [work(lo, hi)]
 
     @abstractmethod
-    def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray) -> int:
+    def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray, enough: float) -> int:
         """``relax_batch`` for the rings lo .. hi of a batch, whose vertices do not walk."""
 
     @abstractmethod
-    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float) -> int:
+    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float, aim: Aim) -> int:
         """``polish_batch`` for the rings lo .. hi of a batch, whose vertices do not walk."""
 
     @abstractmethod
-    def _steepest(self, batch: int, lo: int, hi: int, band: float) -> None:
+    def _steepest(self, batch: int, lo: int, hi: int, band: float, active: np.ndarray) -> None:
         """Set their directions to those of ``steepest``, in lines and planes but for rounding."""
 
     @abstractmethod
-    def _mean_ascent(self, batch: int, lo: int, hi: int) -> None:
+    def _mean_ascent(self, batch: int, lo: int, hi: int, aim: Aim, active: np.ndarray) -> None:
         """Set their directions to those of ``mean_ascent``, in lines and planes but for rounding."""
 
     @abstractmethod

@@ -11,9 +11,11 @@ import numpy as np
 
 from dvr_cli.backend import COMPILED
 from dvr_cli.quality.badness_numba import worst_corner
+from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.columns_numba import ROWS, WIDTH, RingArrays
 from dvr_cli.relax.engines.engine import Engine
-from dvr_cli.relax.line_numba import relax_rings
+from dvr_cli.relax.moves_numba import relax_rings
+from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.polish_numba import mean_directions, polish_rings
 from dvr_cli.relax.problem import Problem
 from dvr_cli.relax.steepest_numba import steepest_directions
@@ -50,17 +52,29 @@ class NumbaEngine(Engine):
     def _get(self) -> np.ndarray:
         return self._points
 
-    def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray) -> int:
-        return sum(self._run(relax_rings, lo, hi, directions))
+    def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray, enough: float) -> int:
+        return sum(self._run(relax_rings, lo, hi, directions, float(enough)))
 
-    def _steepest(self, batch: int, lo: int, hi: int, band: float) -> None:
-        self._run(steepest_directions, lo, hi, self._directions, *self._within, band)
+    def _steepest(self, batch: int, lo: int, hi: int, band: float, active: np.ndarray) -> None:
+        self._run(steepest_directions, lo, hi, self._directions, *self._within, band, active)
 
-    def _mean_ascent(self, batch: int, lo: int, hi: int) -> None:
-        self._run(mean_directions, lo, hi, self._directions, *self._within)
+    def _mean_ascent(self, batch: int, lo: int, hi: int, aim: Aim, active: np.ndarray) -> None:
+        self._run(mean_directions, lo, hi, self._directions, *self._within, active, aim)
 
-    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float) -> int:
-        return sum(self._run(polish_rings, lo, hi, directions, limit))
+    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float, aim: Aim) -> int:
+        return sum(self._run(polish_rings, lo, hi, directions, float(limit), aim))
+
+    def qualities(self) -> np.ndarray:
+        if self.problem.is_surface:
+            return super().qualities()
+        touched = self.problem.touched
+        result = np.empty(len(touched.vertices))
+
+        def part(lo: int, hi: int) -> None:
+            result[lo:hi] = corner_qualities(self._points, touched.part(slice(lo, hi)), COMPILED)
+
+        self._in_parts(part, 0, len(result))
+        return result
 
     def _run(
         self, kernel: Callable[..., Any], lo: int, hi: int, directions: np.ndarray, *more: Any

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +13,9 @@ from dvr_cli.quality.badness import badness, worst_corner
 from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.columns import RingChunk, ring_chunks
 from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.enough import nearest
 from dvr_cli.relax.line import coefficients, improves, maximise_minimum
-from dvr_cli.relax.polish import keeps, lowest_sum, mean_ascent, sum_of_inverses
+from dvr_cli.relax.polish import Aim, keeps, lowest_price, mean_ascent, price
 from dvr_cli.relax.problem import Problem
 from dvr_cli.relax.steepest import steepest
 
@@ -40,23 +42,34 @@ class NumpyEngine(Engine):
     def _worst_corner(self) -> tuple[int, float]:
         return worst_corner(self._get(), self.problem.touched)
 
-    def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray) -> int:
-        return sum(self._relax_chunk(chunk, directions) for chunk in self._batches[batch])
+    def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray, enough: float) -> int:
+        moving = directions.any(axis=1)
+        return sum(self._relax_chunk(chunk, directions, enough) for chunk in self._chunks(batch, moving))
 
-    def _steepest(self, batch: int, lo: int, hi: int, band: float) -> None:
-        for chunk in self._batches[batch]:
+    def _steepest(self, batch: int, lo: int, hi: int, band: float, active: np.ndarray) -> None:
+        self._directions[lo:hi] = 0.0
+        for chunk in self._chunks(batch, active):
             x, ends, norm, slope, _, factor = self._ring(chunk)
             found = steepest(x, ends, norm, slope, self._within(chunk), band, factor)
             self._directions[chunk.rings] = np.stack(found, axis=1)
 
-    def _mean_ascent(self, batch: int, lo: int, hi: int) -> None:
-        for chunk in self._batches[batch]:
+    def _mean_ascent(self, batch: int, lo: int, hi: int, aim: Aim, active: np.ndarray) -> None:
+        self._directions[lo:hi] = 0.0
+        for chunk in self._chunks(batch, active):
             x, ends, norm, slope, _, factor = self._ring(chunk)
-            found = mean_ascent(x, ends, norm, slope, self._within(chunk), chunk.real, factor)
+            found = mean_ascent(x, ends, norm, slope, self._within(chunk), chunk.real, aim, factor)
             self._directions[chunk.rings] = np.stack(found, axis=1)
 
-    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float) -> int:
-        return sum(self._polish_chunk(chunk, directions, limit) for chunk in self._batches[batch])
+    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float, aim: Aim) -> int:
+        moving = directions.any(axis=1)
+        return sum(self._polish_chunk(chunk, directions, limit, aim) for chunk in self._chunks(batch, moving))
+
+    def _chunks(self, batch: int, active: Any) -> Iterator[RingChunk]:
+        """The chunks of a batch, without the rings that are not ``active`` ((m,) bool)."""
+        for chunk in self._batches[batch]:
+            keep = np.flatnonzero(active[chunk.rings])
+            if len(keep):
+                yield chunk if len(keep) == len(chunk.rings) else chunk.of(keep)
 
     def _within(self, chunk: RingChunk) -> tuple[np.ndarray, list[np.ndarray]] | None:
         """The lines and planes of the chunk's vertices, as ``freedom.project`` takes them."""
@@ -85,11 +98,13 @@ class NumpyEngine(Engine):
         x = [component[chunk.vertices] for component in self._coordinates]
         return x, ends, norm, slope, table.curvature[chunk.shapes], table.factors(chunk.shapes)
 
-    def _relax_chunk(self, chunk: RingChunk, directions: np.ndarray) -> int:
+    def _relax_chunk(self, chunk: RingChunk, directions: np.ndarray, enough: float) -> int:
         x, ends, norm, slope, curvature, factor = self._ring(chunk)
         direction = list(directions[chunk.rings].T)
         lines = coefficients(x, direction, ends, norm, slope, curvature, factor)
         step, before = maximise_minimum(lines)
+        if enough > 0.0:
+            step = nearest(lines, step, enough)
         moving = np.flatnonzero(step != 0.0)
         if not len(moving):
             return 0
@@ -99,19 +114,19 @@ class NumpyEngine(Engine):
         better = improves(before[moving], after, self._dimension)
         return self._move(chunk, moving, target, better)
 
-    def _polish_chunk(self, chunk: RingChunk, directions: np.ndarray, limit: float) -> int:
+    def _polish_chunk(self, chunk: RingChunk, directions: np.ndarray, limit: float, aim: Aim) -> int:
         x, ends, norm, slope, curvature, factor = self._ring(chunk)
         direction = list(directions[chunk.rings].T)
         lines = coefficients(x, direction, ends, norm, slope, curvature, factor)
-        step, before = lowest_sum(lines, chunk.real, limit)
+        step, before, weights, floor = lowest_price(lines, chunk.real, limit, aim)
         moving = np.flatnonzero(step != 0.0)
         if not len(moving):
             return 0
         target, v, s = self._at_target(x, direction, step, ends, norm, factor, moving)
         with np.errstate(all="ignore"):
             largest = badness(v, s, self._dimension).max(axis=0)
-            after = sum_of_inverses(v, s, chunk.real[:, moving], self._dimension)
-        better = keeps(before[moving], after, largest, limit, self._dimension)
+            after = price(v, s, chunk.real[:, moving], weights[:, moving], aim, self._dimension)
+        better = keeps(before[moving], after, largest, floor[moving], self._dimension)
         return self._move(chunk, moving, target, better)
 
     def _at_target(

@@ -21,7 +21,7 @@ from functools import partial
 import numpy as np
 
 from dvr_cli.boundary.freedom import Freedom
-from dvr_cli.quality.badness import quality_growth
+from dvr_cli.quality.badness import badness_of, quality_growth
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.patches.neighbourhoods import ROUND, Neighbourhoods, Patches
@@ -32,6 +32,8 @@ from dvr_cli.relax.sweeps import Relaxation, Sweep, cut_short
 
 LAYERS = 4  # around a corner's own vertices at most; beyond them hardly anything gains
 PROGRESS = 0.01  # relative growth of a patch's smallest quality below which a layer more is tried
+_SHARE, _LEAST = 3e-4, 160  # patches that can be paid for: this part of the corners, and so many at least
+_BEYOND = 1e-6  # relative quality by which a patch goes beyond the level
 _CANDIDATES = 30 * ROUND  # worst corners looked at for the patches of a round
 
 
@@ -41,8 +43,12 @@ def relax_patches(
     done: int = 0,
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
+    level: float | None = None,
 ) -> Relaxation:
     """Relax patches from where the engine is, the worst first, until the worst corner gains no more.
+
+    level: of care; with it until no corner below it gains any more, or the patches that can be paid for are
+    used up; and no patch is moved further than that.
 
     A round of patches counts as a sweep. stopping: its target, max_iterations and time_limit hold. done: how
     many sweeps came before. on_sweep: called after each round. interrupted: asked before each patch; when
@@ -51,7 +57,7 @@ def relax_patches(
     problem, start = engine.problem, time.perf_counter()
     if not len(problem.relaxed):
         return Relaxation(engine.points, [], StopReason.NOTHING_TO_RELAX)
-    state = _State(problem, engine.coordinates)
+    state = _State(problem, engine.coordinates, level)
     neighbourhoods = Neighbourhoods(problem, engine.backend)
     solve = engine.backend.twin(solve_patch)
     rounds: list[Sweep] = []
@@ -60,7 +66,7 @@ def relax_patches(
         """Largest badness of a patch before and after; the same if it is time to stop."""
         if cut_short(start, stopping, interrupted):
             return 1.0, 1.0
-        return solve(state.points, Patch(*patches.of(patch), state.slot, *state.rules))
+        return solve(state.points, Patch(*patches.of(patch), state.slot, *state.rules, state.enough))
 
     with ThreadPoolExecutor(engine.threads) as pool:
         each = pool.map if engine.threads > 1 else map
@@ -85,7 +91,7 @@ class _State:
     corner, and how many layers are to be freed around it.
     """
 
-    def __init__(self, problem: Problem, points: np.ndarray) -> None:
+    def __init__(self, problem: Problem, points: np.ndarray, level: float | None) -> None:
         self._touched, self.points = problem.touched, points
         d = problem.dimension
         self.slot = np.full(len(self.points), -1, dtype=np.int32)  # of freed vertices: number in their patch
@@ -96,7 +102,10 @@ class _State:
         # the last fields of each ``Patch``: the shape table, and each vertex's freedom
         table = self._touched.table
         self.rules = table.norm, table.factor, freedom.dimension, freedom.axis
+        self._level = np.inf if level is None else level
+        self.enough = 0.0 if level is None else badness_of(level * (1.0 + _BEYOND), d)
         self.quality = corner_qualities(self.points, self._touched)
+        self._left = len(self.quality) if level is None else max(_LEAST, int(_SHARE * len(self.quality)))
         self.layers = np.ones(len(self.quality), dtype=np.int64)  # to be freed around each corner
         free = np.zeros(len(self.points), dtype=bool)
         free[problem.rings.vertices[problem.free_rings]] = True
@@ -109,17 +118,26 @@ class _State:
         return float(self.quality.min())
 
     def done(self, target: float | None) -> StopReason | None:
-        """The reason to end, or None: Q1 is at the target, or every layer was tried around its corner."""
+        """The reason to end, or None: Q1 is at the target, or every layer was tried around what matters.
+
+        That is the worst corner, or with a level of care all that are below it.
+        """
         if target is not None and self.q1 >= target:
             return StopReason.TARGET
-        worst = np.where(self._beyond, np.inf, self.quality).argmin()
-        return StopReason.CONVERGED if self.layers[worst] > LAYERS else None
+        if self._level == np.inf:
+            worst = np.where(self._beyond, np.inf, self.quality).argmin()
+            return StopReason.CONVERGED if self.layers[worst] > LAYERS else None
+        return None if self._left > 0 and len(self.worst()) else StopReason.CONVERGED
 
     def worst(self) -> np.ndarray:
         """The worst corners that may gain, worst first; of equals the first."""
-        n = min(_CANDIDATES, len(self.quality))
-        limit = np.partition(self.quality, n - 1)[n - 1]
-        worst = np.flatnonzero((self.quality <= limit) & (self.layers <= LAYERS))
+        may, among = self.layers <= LAYERS, self.quality
+        if self._level < np.inf:
+            may &= self.quality < self._level
+            among = self.quality[may]
+        if len(among) > _CANDIDATES:
+            may &= self.quality <= np.partition(among, _CANDIDATES - 1)[_CANDIDATES - 1]
+        worst = np.flatnonzero(may)
         return worst[np.argsort(self.quality[worst], kind="stable")]
 
     def enter(self, patches: Patches) -> None:
@@ -133,6 +151,7 @@ class _State:
 
         badness: (P, 2) largest of each patch before and after.
         """
+        self._left -= len(patches)
         self.slot[patches.freed] = -1
         corners = patches.corners
         self.quality[corners] = corner_qualities(self.points, self._touched.part(corners))

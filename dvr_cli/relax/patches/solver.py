@@ -53,7 +53,7 @@ class Patch(NamedTuple):
 
     moving: (n,) vertices. vertices: (C, d+1), and shapes: (C,), of the corners. slot: (N,) number of each
     moving vertex among them, negative for all that stay. norm, factor: of ``ShapeTable``. dimension: (N,) and
-    axis: (N, d) of ``Freedom``.
+    axis: (N, d) of ``Freedom``. enough: the badness with which the patch is good enough, 0.0 for none.
     """
 
     moving: np.ndarray
@@ -64,6 +64,7 @@ class Patch(NamedTuple):
     factor: np.ndarray
     dimension: np.ndarray
     axis: np.ndarray
+    enough: float
 
 
 def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
@@ -79,7 +80,8 @@ def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
     if before == np.inf:
         return before, before
     for squarings in SQUARINGS[d - 2]:
-        _minimise(energy, squarings)
+        if _minimise(energy, squarings, patch.enough):
+            break
     # the rounding of many steps has added up: back into the lines and planes, with that of one
     moved = energy.inside(energy.inside(points[moving] - start))
     points[moving] = start + moved
@@ -97,6 +99,7 @@ class PatchEnergy:
         """points: (N, d), which the caller moves."""
         moving = patch.moving
         self.points, self.moving = points, moving
+        self.largest = np.inf  # badness when ``norm`` was last asked for
         self._vertices = patch.vertices
         self._on_line, self._axis = patch.dimension[moving] == 1, patch.axis[moving]
         self._norm = patch.norm[patch.shapes].T
@@ -145,7 +148,9 @@ class PatchEnergy:
     def norm(self, reference: float, squarings: int) -> tuple[float, np.ndarray]:
         """f, with k = 2^squarings and ``reference`` for B_max, and the share of each corner in Σ r^k."""
         with np.errstate(all="ignore"):
-            power = self.badness() / reference
+            power = self.badness()
+            self.largest = power.max()
+            power = power / reference
             for _ in range(squarings):
                 power = power * power
             total = f = np.add.accumulate(power)[-1]
@@ -201,8 +206,11 @@ class PatchEnergy:
         return np.stack(project(list(g.T), self._on_line, list(self._axis.T)), axis=1)
 
 
-def _minimise(energy: PatchEnergy, squarings: int) -> None:
-    """Move the patch's vertices to a minimum of f for k = 2^squarings, or towards it."""
+def _minimise(energy: PatchEnergy, squarings: int, enough: float) -> bool:
+    """Move the patch's vertices to a minimum of f for k = 2^squarings, or towards it.
+
+    Returns whether that brought the largest badness down to ``enough``, at which it stops.
+    """
     x = energy.points[energy.moving]
     reference = energy.badness().max()
     f, share = energy.norm(reference, squarings)
@@ -212,7 +220,7 @@ def _minimise(energy: PatchEnergy, squarings: int) -> None:
         direction = descent(g, pairs, _dot)
         slope = _dot(g, direction)
         if not slope < 0.0:
-            return
+            return False
         step = 1.0 if pairs else FIRST_STEP * energy.size / np.abs(direction).max()
         way = energy.moves(direction)
         for _ in range(HALVINGS):
@@ -224,7 +232,9 @@ def _minimise(energy: PatchEnergy, squarings: int) -> None:
             step *= 0.5
         else:
             energy.points[energy.moving] = x
-            return
+            return False
+        if energy.largest <= enough:
+            return True
         new = energy.measured(energy.gradient(trial, share))
         taken, change = energy.taken(reached - x), new - g
         curvature = _dot(taken, change)
@@ -233,7 +243,8 @@ def _minimise(energy: PatchEnergy, squarings: int) -> None:
         gain = f - trial
         x, f, g = reached, trial, new
         if gain < FLAT * f:
-            return
+            return False
+    return False
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> float:

@@ -39,7 +39,8 @@ def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
         return before, before
     size, own = _size(points, patch), _own_measure(patch)
     for squarings in SQUARINGS[d - 2]:
-        _minimise(points, patch, own, squarings, size, bad, power)
+        if _minimise(points, patch, own, squarings, size, bad, power):
+            break
     moved = np.empty(len(start))
     _take(points, moving, moved)
     moved -= start
@@ -62,7 +63,7 @@ def _minimise(
     size: float,
     bad: np.ndarray,
     power: np.ndarray,
-) -> None:
+) -> bool:
     """See ``solver._minimise``; vectors (n, d) are flat, pairs stand in the rows of two arrays.
 
     own: (n,) the row of the shape table whose L each vertex is measured through, -1 for none.
@@ -85,7 +86,7 @@ def _minimise(
         descent(g, steps, changes, curvature, factor, kept, d, direction)
         slope = dot(g, direction, d)
         if not slope < 0.0:
-            return
+            return False
         step = 1.0
         if kept == 0:
             largest = 0.0
@@ -95,12 +96,12 @@ def _minimise(
         if len(own):
             way[:] = direction
             _unmeasure(way, patch.factor, own)
-        falls, trial = False, f
+        falls, trial, worst = False, f, np.inf
         for _ in range(HALVINGS):
             for i in range(n):
                 reached[i] = x[i] + step * way[i]
             _put(points, moving, reached)
-            _badnesses(points, patch, bad)
+            worst = _badnesses(points, patch, bad)
             trial, total = _norm(bad, reference, squarings, power)
             falls = trial <= f + DECREASE * step * slope
             if falls:
@@ -108,7 +109,9 @@ def _minimise(
             step *= 0.5
         if not falls:
             _put(points, moving, x)
-            return
+            return False
+        if worst <= patch.enough:
+            return True
         _gradient(points, patch, power, trial, total, new)
         _measure(new, patch.factor, own)
         row = kept % rows
@@ -124,7 +127,8 @@ def _minimise(
             kept += 1
         gain, f = f - trial, trial
         if gain < FLAT * f:
-            return
+            return False
+    return False
 
 
 @inlined

@@ -122,8 +122,9 @@ def best_step(scratch: np.ndarray, n: int, d: int) -> tuple[float, float]:
 
 
 def lowest_step(scratch: np.ndarray, n: int, d: int, limit: float) -> tuple[float, float]:
-    """The λ where the sum of 1/Q is lowest, and that sum at λ = 0; see ``polish.lowest_sum``."""
-    step, now = polish.lowest_sum(_lines(scratch, n, d), np.ones((n, 1), dtype=bool), limit)
+    """The λ where the sum of 1/Q is lowest, and that sum at λ = 0; see ``polish.lowest_price``."""
+    real = np.ones((n, 1), dtype=bool)
+    step, now, _, _ = polish.lowest_price(_lines(scratch, n, d), real, limit, polish.PLAIN)
     return float(step[0]), float(now[0])
 
 
@@ -136,7 +137,7 @@ def worst_of(scratch: np.ndarray, n: int, d: int) -> int:
 def sum_of(scratch: np.ndarray, n: int, d: int) -> float:
     """The sum of 1/Q at λ = 0; without meaning unless all corners are positive."""
     v, s = scratch[V0, :n, None], scratch[S0, :n, None]
-    return float(polish.sum_of_inverses(v, s, np.ones((n, 1), dtype=bool), d)[0])
+    return float(polish.price(v, s, np.ones((n, 1), dtype=bool), np.ones((n, 1)), polish.PLAIN, d)[0])
 
 
 def set_inverses(scratch: np.ndarray, n: int, d: int) -> None:
@@ -152,7 +153,7 @@ def improves(before: float, after: float, d: int) -> bool:
 
 def keeps(before: float, after: float, largest: float, limit: float, d: int) -> bool:
     """See ``polish.keeps``."""
-    return bool(polish.keeps(np.array(before), np.array(after), np.array(largest), limit, d))
+    return bool(polish.keeps(np.array(before), np.array(after), np.array(largest), np.array(limit), d))
 
 
 def hull_direction(

@@ -18,20 +18,21 @@ from dvr_cli.relax.columns_numba import (
     SHAPE,
     V0,
     V1,
+    WEIGHT,
     WIDTH,
     RingArrays,
     set_ring,
 )
-from dvr_cli.relax.line_numba import _maximise_minimum, improves, worst_corner
-from dvr_cli.relax.polish_numba import _bottom, _clip, _keeps, _set_powers, _sum_of_inverses
+from dvr_cli.relax.line_numba import improves, maximise_minimum, worst_corner
+from dvr_cli.relax.polish import Aim
+from dvr_cli.relax.polish_numba import _bottom, _clip, _keeps, _price, _set_powers
 from dvr_cli.relax.steepest_numba import _shortest_in_hull, gradient
 
 # what kernels of walks take over: rows of the scratch array, and functions of other kernels
 ROWS_USED = BADNESS, END, GRADIENT, NORMAL, S0, S1, S2, V0, V1
 TAKEN = improves, bare
 set_lines = set_ring
-best_step = _maximise_minimum
-sum_of = _sum_of_inverses
+best_step = maximise_minimum
 keeps = _keeps
 hull_direction = _shortest_in_hull
 
@@ -54,8 +55,15 @@ def set_gradient(
 def lowest_step(scratch: np.ndarray, n: int, d: int, limit: float) -> tuple[float, float]:
     if scratch[BADNESS, worst_of(scratch, n, d)] == np.inf:
         return 0.0, 0.0
-    before = _sum_of_inverses(scratch, n, d)
-    return _clip(scratch, n, d, _bottom(scratch, n, d), limit), before
+    before = sum_of(scratch, n, d)
+    return _clip(scratch, n, d, _bottom(scratch, n, d, Aim(0.0, False, False)), limit), before
+
+
+@inlined
+def sum_of(scratch: np.ndarray, n: int, d: int) -> float:
+    for c in range(n):
+        scratch[WEIGHT, c] = 1.0
+    return _price(scratch, n, d, Aim(0.0, False, False))
 
 
 @inlined

@@ -21,6 +21,7 @@ from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.directions import direction_field
 from dvr_cli.relax.engines import choice
 from dvr_cli.relax.engines.numpy_engine import NumpyEngine
+from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.schedule import ORDERS
 from dvr_cli.relax.steepest import OPTIMAL, STEEPEST
@@ -136,6 +137,13 @@ def same_where_directions_follow_the_ring(kind, seed, noise, scale, whole, threa
         for batch in range(engine.batches):
             moved.append(engine.polish_batch(batch, engine.mean_ascent(batch), limit))
             moved.append(engine.polish_batch(batch, directions, limit))
+        level, active = float(np.median(engine.qualities())), np.arange(len(relaxed)) % 3 > 0
+        for aim in (Aim(max(level, 0.0), relative=True), Aim(max(level, 0.0), by_ring=True)):
+            for batch in range(engine.batches):
+                moved.append(engine.polish_batch(batch, engine.mean_ascent(batch, aim, active), limit, aim))
+                moved.append(engine.move_batch(batch, STEEPEST, active, 1.2 * limit))
+                moved.append(engine.move_batch(batch, directions, active, 1.2 * limit))
+        moved.append(engine.ring_qualities().tobytes())
         reached.append((engine.points.tobytes(), moved))
     assert reached[0] == reached[1]
 

@@ -66,7 +66,8 @@ def patch_of(run, layers=1, seed=None):
     slot = np.full(len(points), -1)
     slot[moving] = np.arange(len(moving))
     dimension, axis = np.full(len(points), d, dtype=np.uint8), np.zeros_like(points)
-    return points, Patch(moving, vertices, shapes, slot, SHAPES[d].norm, SHAPES[d].factor, dimension, axis)
+    table = SHAPES[d].norm, SHAPES[d].factor
+    return points, Patch(moving, vertices, shapes, slot, *table, dimension, axis, 0.0)
 
 
 # ------------------------------------------------------------------------------------------- the guarantee

@@ -1,0 +1,56 @@
+"""Care: which rings are worked on, those below the level of care that have not settled.
+
+The *level of care* is the quality below which every element is to be helped, by sweeps and patches. It is
+found from the mesh: the quality that few elements are below. A ring has *settled* when its worst quality has
+not grown for some sweeps in a row in which its vertex could move; it is unsettled again by a neighbour that
+changes it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.stopping import Stopping, StopReason
+
+WORST = 0.004  # share of the elements that are below the level of care: patches can be paid for so many,
+LEAST = 32  # and so many they are at least
+
+
+def level_of(qualities: np.ndarray, share: float = WORST) -> float:
+    """The quality that this share of elements with these qualities (C,) is below, but LEAST of them."""
+    place = min(max(int(share * len(qualities)), LEAST), len(qualities) - 1)
+    return float(np.partition(qualities, place)[place])
+
+
+class Care:
+    """The rings of an engine that are cared for in a sweep.
+
+    level: of care. active: (m,) bool, the rings below it that have not settled.
+    """
+
+    def __init__(self, engine: Engine, level: float, stopping: Stopping) -> None:
+        """stopping: says which growth counts, and how many sweeps without it are borne."""
+        self._engine, self.level, self._stopping = engine, level, stopping
+        self._idle = np.zeros(len(engine.problem.rings.vertices), dtype=np.int64)
+        self._worst = engine.ring_qualities()
+        self.active = self._worst < level
+
+    @property
+    def q1(self) -> float:
+        """Q1: the worst quality in any ring."""
+        return float(self._worst.min())
+
+    def update(self) -> None:
+        """Look at the rings again after a sweep over those that are active."""
+        before, self._worst = self._worst, self._engine.ring_qualities()
+        grew = self._worst - before > self._stopping.tol
+        self._idle = np.where(grew, 0, self._idle + self.active)
+        self.active = (self._worst < self.level) & (self._idle < self._stopping.patience)
+
+    def reason(self, sweeps: int, seconds: float) -> StopReason | None:
+        """The reason to stop now, or None, after so many sweeps and seconds."""
+        if not self.active.any():
+            met = self._stopping.target is not None and self.q1 >= self._stopping.target
+            return StopReason.TARGET if met else StopReason.CONVERGED
+        return self._stopping.limit(sweeps, seconds)

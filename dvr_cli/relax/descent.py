@@ -1,0 +1,70 @@
+"""Descent: before anything else the price of all elements falls, and that finds the level of care.
+
+First the sum of 1/Q alone counts. From then on elements below the quality that a few of them stay below cost
+much more (``polish``), and only the rings near it are visited, as long as the low end of the mesh grows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dvr_cli.quality.vector import at_least
+from dvr_cli.relax.care import level_of
+from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.polish import Aim
+from dvr_cli.relax.stopping import Stopping, StopReason
+from dvr_cli.relax.sweeps import Relaxation, Sweep, polish
+
+_DEAR = 0.03  # share of the elements that cost more
+_NEAR = 1.1  # rings below so much of the quality at which that begins are visited
+_LOW_END = 0.01  # share of the elements whose growth counts
+
+
+@dataclass(frozen=True)
+class Descent:
+    """The result of a descent.
+
+    outcome: as of any phase. floor: below which no quality fell. level: of care, and dear: the quality below
+    which elements cost more, both None where the mesh is too tangled.
+    """
+
+    outcome: Relaxation
+    floor: float
+    level: float | None
+    dear: float | None
+
+
+def descend(
+    engine: Engine,
+    stopping: Stopping,
+    on_sweep: Callable[[Sweep], None] | None = None,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> Descent:
+    """Lower the price from where the engine is; see ``sweeps.relax`` for the other arguments.
+
+    No quality falls below the Q1 of the start. Should the quality vector fall, the descent is undone.
+    """
+    start = engine.state()
+    floor, before = engine.q1(), np.sort(engine.ring_qualities())
+    hooks = on_sweep, interrupted
+    outcome = polish(engine, floor, stopping, 0, *hooks, phase="descent")
+    dear = level_of(engine.qualities(), _DEAR)
+    if not outcome.stopped_because.cuts_short and dear > 0.0:
+        done, aim = len(outcome.sweeps), Aim(dear, relative=True)
+        rest = stopping.less(sum(sweep.seconds for sweep in outcome.sweeps))
+        low = polish(engine, floor, rest, done, *hooks, "descent", aim, _NEAR * dear, _low_end)
+        outcome = Relaxation(low.points, outcome.sweeps + low.sweeps, low.stopped_because)
+    if not at_least(np.sort(engine.ring_qualities()), before):
+        engine.restore(start)
+        cut = outcome.stopped_because
+        outcome = Relaxation(engine.points, [], cut if cut.cuts_short else StopReason.UNDONE)
+    level = level_of(engine.qualities())
+    return Descent(outcome, floor, *((level, dear) if level > 0.0 else (None, None)))
+
+
+def _low_end(qualities: np.ndarray) -> float:
+    place = int(_LOW_END * len(qualities))
+    return float(np.partition(qualities, place)[place])

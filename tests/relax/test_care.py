@@ -1,0 +1,180 @@
+"""The level of care: what moves, how far, and what never decreases."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize_scalar
+
+import dvr_cli
+import oracle
+from dvr_cli.mesh.domain import domain_of
+from dvr_cli.relax.care import Care
+from dvr_cli.relax.descent import descend
+from dvr_cli.relax.engines.numpy_engine import NumpyEngine
+from dvr_cli.relax.polish import Aim
+from dvr_cli.relax.problem import build_problem
+from dvr_cli.relax.stopping import Stopping
+from meshes import KINDS, delaunay, random_mesh
+
+
+def loaded(mesh):
+    """An engine with the mesh's coordinates, and its domain."""
+    domain = domain_of(mesh)
+    engine = NumpyEngine(build_problem(domain.corners, np.flatnonzero(domain.interior), domain.points))
+    engine.load(domain.points)
+    return engine, domain
+
+
+def badness(quality, d):
+    """1/Q in 2D, 1/Q³ in 3D."""
+    return 1 / quality if d == 2 else 1 / quality**3
+
+
+def vector(engine, domain):
+    """The quality vector, ring by ring from the corners as the oracle counts them."""
+    rings = np.full(len(domain.points), np.inf)
+    for corner, quality in zip(engine.problem.touched.vertices, engine.qualities(), strict=True):
+        rings[corner] = np.minimum(rings[corner], quality)
+    return np.sort(rings[engine.problem.rings.vertices])
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.sampled_from(KINDS), st.integers(0, 10**6), st.floats(0, 0.5), st.floats(0.1, 0.9), st.booleans())
+def test_polishing_never_lowers_the_vector_below_the_level(kind, seed, noise, share, relative):
+    """What is below the level grows in the paper's ordering after every batch."""
+    engine, domain = loaded(random_mesh(kind, seed, noise=noise))
+    before = vector(engine, domain)
+    level = float(np.quantile(before, share))
+    if not level > 0:
+        return
+    aim = Aim(level, relative, by_ring=True)
+    for _ in range(2):
+        for batch in range(engine.batches):
+            directions = engine.mean_ascent(batch, aim)
+            engine.polish_batch(batch, directions, badness(level, domain.dimension), aim)
+            after = vector(engine, domain)
+            differ = np.flatnonzero((after != before) & (np.minimum(after, before) < level))
+            assert not len(differ) or after[differ[0]] > before[differ[0]]  # no tolerance
+            before = after
+
+
+@pytest.mark.parametrize("relative", [False, True])
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_vertex_moves_to_the_lowest_price(kind, relative):
+    """By SciPy on the interval on which the ring is positive, with the price written down anew."""
+    mesh = random_mesh(kind, 2, n=2 if kind != "triangle" else 3)
+    engine, domain = loaded(mesh)
+    cells = [(block.type, np.asarray(block.vertices)) for block in mesh.cells]
+    lo, hi = engine.problem.batch_start[:2]
+    directions = np.random.default_rng(0).normal(size=(len(engine.problem.relaxed), domain.dimension))
+    level = float(np.median(engine.qualities()))
+    engine.polish_batch(0, directions, np.inf, Aim(level, relative))
+    for row, vertex in enumerate(engine.problem.relaxed[lo:hi]):
+        ring = oracle.ring_of(mesh.points, cells, vertex)
+        x, along = domain.points[vertex], directions[row]
+        weight = oracle.ring_qualities(ring, x, along, 0.0) ** 2 if relative else 1.0
+
+        def price(quality, weight=weight):
+            return (weight / quality + (level / quality) ** 16 / quality / 17).sum()
+
+        low, high = oracle.positive_interval(ring, x, along)
+        best = minimize_scalar(
+            lambda step, ring=ring, x=x, along=along, price=price: price(
+                oracle.ring_qualities(ring, x, along, step)
+            ),
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": 1e-10},
+        )
+        start = price(oracle.ring_qualities(ring, x, along, 0.0))
+        now = price(oracle.ring_qualities(ring, engine.points[vertex], along, 0.0))
+        if start < 1e6 * best.fun:
+            assert now <= min(best.fun, start) * (1 + 1e-3)
+        else:  # Newton's method takes a sixteenth of the way at a time
+            assert now < 1e-6 * start
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_vertex_goes_no_further_than_is_enough(kind):
+    """On the way to the optimum, along which the worst grows, it stops where that is good enough."""
+    mesh = random_mesh(kind, 5, n=2 if kind != "triangle" else 3)
+    engine, domain = loaded(mesh)
+    cells = [(block.type, np.asarray(block.vertices)) for block in mesh.cells]
+    lo, hi = engine.problem.batch_start[:2]
+    directions = np.random.default_rng(1).normal(size=(len(engine.problem.relaxed), domain.dimension))
+    engine.relax_batch(0, directions)
+    best = engine.points
+    stopped = 0
+    for row, vertex in enumerate(engine.problem.relaxed[lo:hi]):
+        ring = oracle.ring_of(mesh.points, cells, vertex)
+        x, along = domain.points[vertex], directions[row]
+
+        def worst(step, ring=ring, x=x, along=along):
+            return oracle.ring_qualities(ring, x, along, step).min()
+
+        furthest = (best[vertex] - x) @ along / (along @ along)
+        enough = 0.5 * (worst(0.0) + worst(furthest))
+        engine.load(domain.points)
+        engine.relax_batch(0, directions, badness(enough, domain.dimension))
+        step = (engine.points[vertex] - x) @ along / (along @ along)
+        if worst(0.0) > 0 and furthest != 0.0:
+            assert 0 < step / furthest < 1
+            assert enough * (1 - 1e-12) <= worst(step) <= enough * (1 + 1e-5)
+            stopped += 1
+        if furthest == 0.0:
+            assert step == 0.0
+    assert stopped
+
+
+def test_rings_above_the_level_do_not_move_and_those_below_settle():
+    engine, _ = loaded(delaunay(200, 2, 1))
+    level = float(np.quantile(engine.ring_qualities(), 0.3))
+    care = Care(engine, level, Stopping(patience=2))
+    assert np.array_equal(care.active, engine.ring_qualities() < level)
+    for expected in (None, None, "converged"):
+        assert care.reason(0, 0.0) == expected
+        care.update()  # nothing has moved: after two such sweeps all have settled
+
+
+def test_a_descent_keeps_q1_and_the_vector_and_raises_both_ends():
+    engine, domain = loaded(delaunay(300, 3, 0))
+    before, qualities = vector(engine, domain), engine.qualities()
+    descent = descend(engine, Stopping())
+    after = vector(engine, domain)
+    assert descent.outcome.stopped_because == "converged"
+    assert after[0] >= before[0] == descent.floor
+    assert engine.qualities().mean() > qualities.mean() + 0.05
+    assert np.quantile(engine.qualities(), 0.01) > np.quantile(qualities, 0.01)
+    assert 0 < descent.level <= descent.dear
+
+
+def test_a_place_that_cannot_be_helped_ends_no_help_for_the_others():
+    """A squashed octahedron lies beside the mesh: its centre is at its optimum, with quality 0.003."""
+    mesh = delaunay(300, 3, 0)
+    tets = mesh.cells[0].vertices
+    axes = np.diag([1.0, 1.0, 1e-4])
+    octahedron = np.vstack([np.zeros(3), axes, -axes]) + np.array([3.0, 0.0, 0.0])
+    cells = np.array([[0, x, y, z] for x in (1, 4) for y in (2, 5) for z in (3, 6)])
+    flip = np.linalg.det(octahedron[cells[:, 1:]] - octahedron[cells[:, :1]]) < 0
+    cells[flip, :2] = cells[flip, 1::-1]
+    points, both = np.vstack([mesh.points, octahedron]), np.vstack([tets, cells + len(mesh.points)])
+    options = {"patches": False, "engine": "numpy", "shape": "ideal"}
+    moved, report = dvr_cli.smooth(points, {"tetra": both}, **options)
+    alone, _ = dvr_cli.smooth(mesh.points, {"tetra": tets}, **options)
+    assert report.after.q1 == pytest.approx(oracle.mean_ratio(octahedron[cells]).min())
+    beside, usual = (oracle.mean_ratio(x[tets]) for x in (moved, alone))
+    assert np.quantile(beside, 0.01) > np.quantile(usual, 0.01) - 0.01
+    assert beside.mean() == pytest.approx(usual.mean(), abs=0.01)
+
+
+def test_a_target_is_a_goal_for_all_elements_and_moves_nothing_else():
+    mesh = delaunay(150, 2, 3)
+    cells = {"triangle": mesh.cells[0].vertices}
+    interior = domain_of(mesh).interior
+    points, report = dvr_cli.smooth(mesh.points, cells, target=0.2, engine="numpy", patches=True)
+    assert report.stopped_because == "target"
+    assert [phase.phase for phase in report.phases] == ["relax", "patches"]
+    assert oracle.mean_ratio(points[mesh.cells[0].vertices]).min() >= 0.2
+    moved = (points != mesh.points).any(axis=1)
+    assert 0 < moved.sum() < 0.6 * interior.sum()
