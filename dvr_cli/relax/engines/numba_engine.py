@@ -14,7 +14,7 @@ from dvr_cli.quality.badness_numba import worst_corner
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.columns_numba import ROWS, WIDTH, RingArrays
 from dvr_cli.relax.engines.engine import Engine
-from dvr_cli.relax.moves_numba import relax_rings
+from dvr_cli.relax.enough_numba import relax_rings
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.polish_numba import mean_directions, polish_rings
 from dvr_cli.relax.problem import Problem
