@@ -297,8 +297,10 @@ def _polishing(report: SmoothReport) -> list[str]:
     if not isinstance(phase, PolishPhase) or not phase.sweeps:
         return []
     sweeps, floor = _count(phase.sweeps, "sweep"), _digits(phase.floor)
-    kept = "Q1 kept above" if phase.floor != report.level else "the quality vector kept below"
-    return [f"polished in {sweeps}: the mean raised, {kept} {floor}"]
+    kept = f"Q1 kept above {floor}"
+    if phase.floor == report.level:
+        kept = f"the quality vector below {floor} not lowered"
+    return [f"polished in {sweeps}: the mean raised, {kept}"]
 
 
 def _kind(mesh: MeshSummary) -> str:
