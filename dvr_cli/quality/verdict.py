@@ -100,14 +100,15 @@ def aspect_ratio(x: Vertices, cell_type: CellType) -> np.ndarray:
     Triangles: longest edge over the inradius, over 2 √3; tetrahedra: the same over 2 √6. Quadrilaterals:
     longest edge times perimeter over 4 areas. Others, for which Verdict has none: longest over shortest edge.
     """
-    lengths = [_length(subtract(x[b], x[a])) for a, b in cell_type.edges]
+    edges = cell_type.facets if cell_type.dimension == 2 else cell_type.edges
+    lengths = [_length(subtract(x[b], x[a])) for a, b in edges]
     longest = reduce(np.maximum, lengths)
     if cell_type.dimension == 2:
         scale = 4.0 * np.sqrt(3.0) if len(x) == 3 else 4.0
         return np.asarray(longest * reduce(np.add, lengths) / (scale * _area(x)))
-    if cell_type.name == "tetra":
-        edges = _edges(x)
-        volume = np.abs(dot(edges[0], cross(edges[1], edges[2]))) / 6.0
+    if cell_type.is_simplex:
+        a, b, c = _edges(x)
+        volume = np.abs(dot(a, cross(b, c))) / 6.0
         surface = reduce(np.add, [_area([x[i] for i in facet]) for facet in cell_type.facets])
         return np.asarray(longest * surface / (6.0 * np.sqrt(6.0) * volume))
     return np.asarray(longest / reduce(np.minimum, lengths))
@@ -133,7 +134,7 @@ def skewness(x: Vertices, cell_type: CellType) -> np.ndarray:
     if cell_type.dimension == 2:
         return _face_skew(x)
     skews = [_face_skew([x[i] for i in facet]) for facet in cell_type.facets]
-    if cell_type.name == "tetra":
+    if cell_type.is_simplex:
         skews.append(_skew(_dihedral_angles(x, cell_type), np.degrees(np.arccos(1.0 / 3.0))))
     return reduce(np.maximum, skews)
 

@@ -253,7 +253,7 @@ def _reason(report: SmoothReport) -> str:
     patches = any(phase.phase == "patches" for phase in report.phases)
     if report.stopped_because is StopReason.CONVERGED and report.level is not None:
         how = ", alone or jointly" if patches else ""
-        return f"converged: no element below {_digits(report.level)}, the level of care, gains any more{how}"
+        return f"converged: below {_digits(report.level)}, the level of care, nothing gains{how}"
     if report.stopped_because is StopReason.CONVERGED and patches:
         return "converged: moved jointly, the surroundings of the worst element gain no more"
     return {
@@ -299,7 +299,7 @@ def _polishing(report: SmoothReport) -> list[str]:
     sweeps, floor = _count(phase.sweeps, "sweep"), _digits(phase.floor)
     kept = f"Q1 kept above {floor}"
     if phase.floor == report.level:
-        kept = f"the quality vector below {floor} not lowered"
+        kept = f"the vector below {floor} not lowered"
     return [f"polished in {sweeps}: the mean raised, {kept}"]
 
 

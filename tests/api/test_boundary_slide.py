@@ -248,7 +248,10 @@ def test_the_worst_element_gets_better_than_with_a_fixed_boundary(name):
         for boundary in ("fixed", "slide")
     )
     assert slide.relaxed > fixed.relaxed
-    assert slide.after.minimum > fixed.after.minimum
+    if fixed.limited_by is not None and fixed.limited_by.kind == "valence":  # no boundary allows more
+        assert slide.after.minimum == pytest.approx(fixed.after.minimum, abs=stopping.tol)
+    else:
+        assert slide.after.minimum > fixed.after.minimum
     assert slide.record("out", "in")["options"]["boundary"] == "slide"
 
 

@@ -99,7 +99,7 @@ def test_progress_on_a_terminal(tmp_path):
     source = fan(tmp_path / "in.msh")
     progress, summary = on_a_terminal("stderr", "smooth", source, tmp_path / "out.msh").rsplit("\r", 1)
     assert "\n" not in progress
-    assert "\rsweep   1  Q1 " in progress
+    assert "\rsweep   1  descent  Q1 " in progress
     assert summary.startswith(f"{source} -> ")
 
 

@@ -89,7 +89,7 @@ def test_smooth_untangles_by_default(dvr, tmp_path):
     assert result.code == 0
     assert "every element that can be is positive" in result.err
     report = read_json((tmp_path / "out.quality.json").read_text())
-    assert [phase["phase"] for phase in report["phases"]][:2] == ["untangle", "relax"]
+    assert [phase["phase"] for phase in report["phases"]][:3] == ["untangle", "descent", "relax"]
     assert report["options"]["untangle"] is True
     for options in (["--no-untangle"], ["-d", "x"]):
         result = dvr("smooth", source, output, *options)

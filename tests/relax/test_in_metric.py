@@ -153,6 +153,7 @@ def test_the_gradient_of_patches_against_differences(kind):
         table.norm,
         table.factor,
         *free,
+        0.0,
     )
     energy = PatchEnergy(points, patch)
     reference = energy.badness().max()

@@ -61,7 +61,7 @@ def adapter_of(mesh: Any) -> Adapter:
     own = type(mesh)
     name = own.__name__ if own.__module__ == "builtins" else f"{own.__module__.split('.')[0]}.{own.__name__}"
     *names, last = (f"{adapter.library}.{adapter.type_name}" for adapter in ADAPTERS)
-    raise UsageError(f"mesh: not a {name}; {', '.join(names)}, {last} or a NumPy array of points is needed")
+    raise UsageError(f"mesh: {', '.join(names)}, {last} or a NumPy array of points is needed, not a {name}")
 
 
 def as_mesh(mesh: Any, cells: CellArrays) -> Mesh:

@@ -159,5 +159,7 @@ class _State:
             growth = quality_growth(badness[:, 0], badness[:, 1], self._touched.dimension)
         grown = growth >= PROGRESS
         self.layers[patches.seeds[~grown]] += 1
+        # with more layers an inverted corner would be in the patch as well
+        self.layers[patches.seeds[np.isinf(badness[:, 0])]] = LAYERS + 1
         self.layers[corners[np.repeat(grown, np.diff(patches.corner_start))]] = 1
         return int(np.diff(patches.freed_start)[badness[:, 1] < badness[:, 0]].sum())
