@@ -20,7 +20,7 @@ from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.region_choice import RegionChoice
 from dvr_cli.options import check_names, default
-from dvr_cli.quality.cell_measures import CELL_MEASURES, distribution, summaries
+from dvr_cli.quality.cell_measures import CELL_MEASURES, Geometry, distribution, summaries
 from dvr_cli.quality.measure import measure
 from dvr_cli.report.compare import Comparison, compare_qualities
 from dvr_cli.report.records import QualityReport, ShapeUse, SmoothReport, summarise
@@ -139,8 +139,9 @@ def mesh_quality(
     mode = "auto" if metric is None else "metric"
     stretched = ShapeUse(mode, shapes.kept, shapes.max_aspect) if shapes.kept or metric else None
     summary = summarise(mesh, domain, moves.constraints)
-    by = None if by_measure is None else distribution(domain, mesh.points, CELL_MEASURES[by_measure], worst)
-    others, kept = summaries(domain, mesh.points), shapes.kept_cells
+    geometry = Geometry(domain, mesh.points)
+    by = None if by_measure is None else distribution(geometry, CELL_MEASURES[by_measure], worst)
+    others, kept = summaries(geometry), shapes.kept_cells
     return QualityReport(summary, len(moves.relaxed), quality, stretched, others, by, kept)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from dvr_cli.errors import UsageError
@@ -58,9 +59,12 @@ def failures(gates: Sequence[Gate], mesh: Mesh, points: np.ndarray, quality: Qua
     Raises InputError for a measure that its cells do not have.
     """
     from dvr_cli.mesh.domain import domain_of
-    from dvr_cli.quality.cell_measures import CELL_MEASURES as RECORDS
-    from dvr_cli.quality.cell_measures import Geometry
+    from dvr_cli.quality import cell_measures
     from dvr_cli.report.text import gate_failure
+
+    @cache
+    def geometry() -> cell_measures.Geometry:
+        return cell_measures.Geometry(domain_of(mesh, straighten=True), points)
 
     texts = []
     for gate in gates:
@@ -68,8 +72,8 @@ def failures(gates: Sequence[Gate], mesh: Mesh, points: np.ndarray, quality: Qua
             if quality.minimum < gate.limit:
                 texts.append(gate_failure("worst quality", quality.minimum, gate.limit, gate.below))
             continue
-        measure = RECORDS[gate.measure]
-        values = measure.of(Geometry(domain_of(mesh, straighten=True), points))
+        measure = cell_measures.CELL_MEASURES[gate.measure]
+        values = measure.of(geometry())
         extreme = float(values.min() if gate.below else values.max())
         if (extreme < gate.limit) if gate.below else (extreme > gate.limit):
             which = f"{'smallest' if gate.below else 'largest'} {measure.name}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -63,7 +63,7 @@ def _with_extreme_cosines(
     """(n,) bool: the few of the cells (n, k) that may have their smallest or largest dihedral angle."""
     faces = cell_type.facets
     padded = np.array([[*face, face[-1]][:4] for face in faces])
-    pairs = np.array(_neighbours(faces))
+    pairs = np.array(neighbouring_facets(faces))
     return backend.twin(with_extreme_cosines)(points, vertices, padded, pairs, _NEAR)
 
 
@@ -78,7 +78,7 @@ def with_extreme_cosines(
     return np.ones(len(vertices), dtype=bool)
 
 
-def _neighbours(faces: Tuples) -> list[tuple[int, int]]:
+def neighbouring_facets(faces: Tuples) -> list[tuple[int, int]]:
     """The numbers of each two faces with a common edge."""
     pairs = ((i, j) for i in range(len(faces)) for j in range(i))
     return [(i, j) for i, j in pairs if len(set(faces[i]) & set(faces[j])) == 2]
@@ -89,9 +89,9 @@ def _extreme_dihedral_angles(
 ) -> Iterator[np.ndarray]:
     """For each edge of the cell type, the smallest and largest angles between its two faces in any cell."""
     at = [[points[:, i][vertex] for i in range(3)] for vertex in vertices.T]
-    normals = [_normal([at[v] for v in face]) for face in cell_type.facets]
+    normals = [face_normal([at[v] for v in face]) for face in cell_type.facets]
     lengths = [np.sqrt(dot(normal, normal)) for normal in normals]
-    for i, j in _neighbours(cell_type.facets):
+    for i, j in neighbouring_facets(cell_type.facets):
         size = lengths[i] * lengths[j]
         cosine = np.divide(dot(normals[i], normals[j]), size, out=np.full(len(size), np.nan), where=size > 0)
         if np.isnan(cosine).all():
@@ -104,6 +104,6 @@ def _extreme_dihedral_angles(
         yield 180.0 - np.degrees(np.arctan2(np.sqrt(dot(across, across)), dot(a, b)))
 
 
-def _normal(face: list[Components]) -> list[np.ndarray]:
+def face_normal(face: Sequence[Components]) -> list[np.ndarray]:
     """Twice the vector area of a face: the cross product of its diagonals, or of two of its three edges."""
     return cross(subtract(face[2], face[0]), subtract(face[-1], face[1]))

@@ -31,18 +31,20 @@ _UNBOUNDED = 1e30  # Verdict's value for a ratio that has no bound
 class Geometry:
     """The cells of a domain, and where they are: what measures are taken of.
 
-    points: (N, 2|3). blocks: the linear cells. dimension: 2 or 3.
+    domain: of the cells. given: (N, 2|3) coordinates as its mesh gives them, points: as the domain has them.
+    blocks: the linear cells. dimension: 2 or 3.
     """
 
     def __init__(self, domain: Domain, points: np.ndarray) -> None:
         """points: coordinates as the mesh of the domain gives them."""
+        self.domain, self.given = domain, points
         self.points, self.blocks = domain.flatten(points), domain.cells
-        self.dimension, self._backend = domain.dimension, domain.backend
+        self.dimension = domain.dimension
 
     @cached_property
     def faces(self) -> Faces:
         """The faces of volume cells."""
-        return faces_of(self.points, self.blocks, self._backend)
+        return faces_of(self.points, self.blocks, self.domain.backend)
 
 
 @dataclass(frozen=True)
@@ -111,15 +113,15 @@ class Distribution:
     worst: list[Element]
 
 
-def distribution(domain: Domain, points: np.ndarray, measure: CellMeasure, worst: int) -> Distribution:
-    """The distribution of a measure over a domain; points: as its mesh gives them; worst: cells to list."""
-    values = measure.of(Geometry(domain, points))
+def distribution(geometry: Geometry, measure: CellMeasure, worst: int) -> Distribution:
+    """The distribution of a measure over the cells of a domain; worst: how many to list."""
+    values = measure.of(geometry)
     bounded = values[np.abs(values) < _UNBOUNDED]
     low, high = (bounded.min(), bounded.max()) if len(bounded) else (0.0, 1.0)
     edges = np.linspace(low, high if high > low else low + 1.0, HISTOGRAM_BINS + 1)
     counts, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges)
     cells = measure.worst_first(values)[:worst]
-    listed = [element_of(domain, points, values, int(cell)) for cell in cells]
+    listed = [element_of(geometry.domain, geometry.given, values, int(cell)) for cell in cells]
     return Distribution(measure, edges, counts, listed)
 
 
@@ -129,10 +131,9 @@ def by_quality(quality: Quality) -> Distribution:
     return Distribution(None, edges, quality.histogram, quality.worst)
 
 
-def summaries(domain: Domain, points: np.ndarray) -> list[Summary]:
-    """The summaries of all measures that the cells of a domain have; points: as its mesh gives them."""
-    having = [measure for measure in CELL_MEASURES.values() if domain.dimension in measure.dimensions]
-    geometry = Geometry(domain, points)
+def summaries(geometry: Geometry) -> list[Summary]:
+    """The summaries of all measures that the cells have."""
+    having = [measure for measure in CELL_MEASURES.values() if geometry.dimension in measure.dimensions]
     return [summary(measure, measure.of(geometry)) for measure in having]
 
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import reduce
-from itertools import combinations
 
 import numpy as np
 
 from dvr_cli.mesh.cell_types import CELL_TYPES, CellType
 from dvr_cli.mesh.corners import ORIGIN_FIRST
 from dvr_cli.mesh.simplex import Components, cross, dot, subtract
+from dvr_cli.quality.angles import face_normal, neighbouring_facets
 
 Vertices = Sequence[Components]
 
@@ -121,8 +121,7 @@ def _in_space(vector: Components) -> Components:
 
 def _area(x: Vertices) -> np.ndarray:
     """The area of triangles; of quadrilaterals that of their projection along the normal in the middle."""
-    diagonals = subtract(x[2], x[0]), subtract(x[-1], x[1])
-    return 0.5 * _length(cross(*map(_in_space, diagonals)))
+    return 0.5 * _length(face_normal([_in_space(vertex) for vertex in x]))
 
 
 def skewness(x: Vertices, cell_type: CellType) -> np.ndarray:
@@ -182,12 +181,8 @@ def _interior_angles(x: Vertices) -> list[np.ndarray]:
 def _dihedral_angles(x: Vertices, cell_type: CellType) -> list[np.ndarray]:
     """The angle between the two faces at each edge, in degrees; quadrilaterals have their mean normal."""
     faces = cell_type.facets
-    normals = [cross(subtract(x[face[2]], x[face[0]]), subtract(x[face[-1]], x[face[1]])) for face in faces]
-    return [
-        180.0 - _angle_between(normals[i], normals[j])
-        for i, j in combinations(range(len(faces)), 2)
-        if len(set(faces[i]) & set(faces[j])) == 2
-    ]
+    normals = [face_normal([x[v] for v in face]) for face in faces]
+    return [180.0 - _angle_between(normals[i], normals[j]) for i, j in neighbouring_facets(faces)]
 
 
 def _angle_between(a: Components, b: Components) -> np.ndarray:

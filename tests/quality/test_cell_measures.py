@@ -207,7 +207,7 @@ def test_distributions_list_the_worst_and_count_all(name):
     mesh = random_mesh("tetra", 1)
     domain = domain_of(mesh)
     values = CELL_MEASURES[name].of(Geometry(domain, mesh.points))
-    by = distribution(domain, mesh.points, CELL_MEASURES[name], 5)
+    by = distribution(Geometry(domain, mesh.points), CELL_MEASURES[name], 5)
     ordered = np.sort(values) if CELL_MEASURES[name].high_is_good else np.sort(values)[::-1]
     assert [element.quality for element in by.worst] == ordered[:5].tolist()
     assert by.counts.sum() == len(values)
@@ -218,7 +218,7 @@ def test_measures_of_faces_are_refused_for_planar_meshes():
     mesh = random_mesh("triangle", 1)
     with pytest.raises(InputError, match="non-orthogonality is a measure of volume cells"):
         CELL_MEASURES["non-orthogonality"].of(Geometry(domain_of(mesh), mesh.points))
-    assert {s.measure.name for s in summaries(domain_of(mesh), mesh.points)} == set(NAMES[:5])
+    assert {s.measure.name for s in summaries(Geometry(domain_of(mesh), mesh.points))} == set(NAMES[:5])
 
 
 def test_the_measures_are_those_of_the_options():
@@ -231,5 +231,5 @@ def test_a_record_is_enough_for_another_measure(monkeypatch):
 
     monkeypatch.setitem(CELL_MEASURES, "nodes", CellMeasure("nodes", "nodes", "1", False, 0.0, nodes))
     mesh = random_mesh("wedge", 1)
-    [found] = [s for s in summaries(domain_of(mesh), mesh.points) if s.measure.name == "nodes"]
+    [found] = [s for s in summaries(Geometry(domain_of(mesh), mesh.points)) if s.measure.name == "nodes"]
     assert (found.worst, found.mean) == (6.0, 6.0)

@@ -25,26 +25,17 @@ from dvr_cli.errors import InputError
 from dvr_cli.files.losses import not_kept
 from dvr_cli.files.numbers_in_text import Rows, inside_spans, shown
 from dvr_cli.files.patched_text import PatchedText
+from dvr_cli.files.vtk.cells import VTK_TYPE
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 
 # VTK's numbers of cell types, with meshio's names.
 TYPES = {
-    1: "vertex",
-    3: "line",
-    5: "triangle",
-    9: "quad",
-    10: "tetra",
-    12: "hexahedron",
-    13: "wedge",
-    14: "pyramid",
-    21: "line3",
-    22: "triangle6",
-    23: "quad8",
-    24: "tetra10",
-    25: "hexahedron20",
-    26: "wedge15",
-    27: "pyramid13",
+    VTK_TYPE[name]: name
+    for name in (
+        *("vertex", "line", "triangle", "quad", "tetra", "hexahedron", "wedge", "pyramid"),
+        *("line3", "triangle6", "quad8", "tetra10", "hexahedron20", "wedge15", "pyramid13"),
+    )
 }
 _SIZES = np.zeros(max(TYPES) + 1, dtype=np.int64)
 _SIZES[list(TYPES)] = [CELL_TYPES[name].nodes for name in TYPES.values()]
