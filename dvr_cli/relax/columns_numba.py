@@ -6,12 +6,11 @@ explained. Nothing is fused, reassociated or skipped that could change a bit.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from dvr_cli.jit import inlined
 from dvr_cli.quality.badness_numba import badness
+from dvr_cli.relax.problem import RingArrays
 
 # Rows of the scratch array, a column for each corner of a ring: the coordinates of the corner's other
 # vertices (three rows each, also in 2D), the normal of the facet they span, the corner's line, its badness;
@@ -25,19 +24,6 @@ GRADIENT, ALONG, WEIGHT, POWER = 29, 32, 33, 34
 FACTOR = 35
 ROWS = 41
 WIDTH = 8  # loops run over whole groups of columns; those beyond the ring hold leftovers nobody looks at
-
-
-class RingArrays(NamedTuple):
-    """The arrays of ``Rings`` and ``ShapeTable`` as kernels read them."""
-
-    vertices: np.ndarray
-    start: np.ndarray
-    others: np.ndarray
-    shapes: np.ndarray
-    norm: np.ndarray
-    slope: np.ndarray
-    curvature: np.ndarray
-    factor: np.ndarray
 
 
 @inlined

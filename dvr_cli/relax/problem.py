@@ -8,6 +8,7 @@ together lies together in memory (docs/design.md, "The two numberings").
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -78,6 +79,28 @@ class Problem:
         if self.carriers is None:
             return self
         return replace(self, carriers=replace(self.carriers, limit=limit))
+
+
+class RingArrays(NamedTuple):
+    """The arrays of ``Rings`` and ``ShapeTable`` as kernels read them."""
+
+    vertices: np.ndarray
+    start: np.ndarray
+    others: np.ndarray
+    shapes: np.ndarray
+    norm: np.ndarray
+    slope: np.ndarray
+    curvature: np.ndarray
+    factor: np.ndarray
+
+
+def ring_arrays(problem: Problem) -> RingArrays:
+    """The rings of a problem and its targets, for kernels."""
+    rings, table = problem.rings, problem.touched.table
+    return RingArrays(
+        *(rings.vertices, rings.start, rings.others, rings.shapes),
+        *(table.norm, table.slope, table.curvature, table.factor),
+    )
 
 
 def build_problem(

@@ -12,11 +12,10 @@ from dvr_cli.backend import Backend
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.vector import ring_minima
 from dvr_cli.relax.polish import PLAIN, Aim
-from dvr_cli.relax.problem import Problem
+from dvr_cli.relax.problem import Problem, ring_arrays
 from dvr_cli.relax.steepest import Ascent
 from dvr_cli.relax.surface.carriers import Standing
 from dvr_cli.relax.surface.overlay import renew
-from dvr_cli.relax.surface.ring import ring_rows
 from dvr_cli.relax.surface.walk import walk_directions, walk_rings
 
 State = tuple[np.ndarray, Standing | None]
@@ -39,7 +38,7 @@ class Engine(ABC):
         self._standing: Standing | None = None
         self._directions = np.zeros((len(problem.rings.vertices), problem.components))
         self._largest_ring = int(problem.rings.sizes.max(initial=0))
-        self._rows: Any = ring_rows(problem)
+        self._rows = ring_arrays(problem)
         self._all = np.ones(len(problem.rings.vertices), dtype=bool)
 
     @property

@@ -12,7 +12,7 @@ import numpy as np
 from dvr_cli.backend import COMPILED
 from dvr_cli.quality.badness_numba import worst_corner
 from dvr_cli.quality.mean_ratio import corner_qualities
-from dvr_cli.relax.columns_numba import ROWS, WIDTH, RingArrays
+from dvr_cli.relax.columns_numba import ROWS, WIDTH
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.enough_numba import relax_rings
 from dvr_cli.relax.polish import Aim
@@ -34,11 +34,7 @@ class NumbaEngine(Engine):
         super().__init__(problem)
         self.threads = threads
         self._points = np.empty((0, problem.components))
-        rings, table, freedom = problem.rings, problem.touched.table, problem.freedom
-        self._rows = RingArrays(
-            *(rings.vertices, rings.start, rings.others, rings.shapes),
-            *(table.norm, table.slope, table.curvature, table.factor),
-        )
+        freedom = problem.freedom
         self._within = (
             (np.empty(0, dtype=bool), np.empty((0, problem.dimension)))
             if freedom is None

@@ -10,7 +10,7 @@ and run either over this module, or compiled over that one.
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from dvr_cli.mesh.simplex import opposite_normal
 from dvr_cli.quality.badness import badness
 from dvr_cli.relax import line, polish
 from dvr_cli.relax.line import Lines, coefficients, maximise_minimum
-from dvr_cli.relax.problem import Problem
+from dvr_cli.relax.problem import RingArrays
 from dvr_cli.relax.steepest import _shortest_in_hull, gradient
 
 # Rows of the scratch array, a column for each corner of a ring, as in ``columns_numba``.
@@ -27,28 +27,6 @@ GRADIENT, ROWS = 18, 21
 
 
 _Arrays = TypeVar("_Arrays")
-
-
-class RingRows(NamedTuple):
-    """The arrays of ``Rings`` and ``ShapeTable`` as kernels read them."""
-
-    vertices: np.ndarray
-    start: np.ndarray
-    others: np.ndarray
-    shapes: np.ndarray
-    norm: np.ndarray
-    slope: np.ndarray
-    curvature: np.ndarray
-    factor: np.ndarray
-
-
-def ring_rows(problem: Problem) -> RingRows:
-    """The rows of a problem."""
-    rings, table = problem.rings, problem.touched.table
-    return RingRows(
-        *(rings.vertices, rings.start, rings.others, rings.shapes),
-        *(table.norm, table.slope, table.curvature, table.factor),
-    )
 
 
 def bare(arrays: _Arrays) -> _Arrays:
@@ -73,14 +51,14 @@ def set_lines(
     d1: float,
     d2: float,
     ring: int,
-    rings: RingRows,
+    rings: RingArrays,
     scratch: np.ndarray,
 ) -> int:
     """Lay out a ring of a planar or volume mesh and its lines along the direction (d0, d1, d2).
 
     Returns how many corners it has.
     """
-    points, rings = np.asarray(points), RingRows(*map(np.asarray, rings))
+    points, rings = np.asarray(points), RingArrays(*map(np.asarray, rings))
     entries = slice(rings.start[ring], rings.start[ring + 1])
     others, shapes = rings.others[entries], rings.shapes[entries]
     n, d = others.shape
@@ -103,7 +81,7 @@ def set_lines(
 
 
 def set_gradient(
-    points: np.ndarray, vertex: int, ring: int, c: int, rings: RingRows, scratch: np.ndarray, to: int
+    points: np.ndarray, vertex: int, ring: int, c: int, rings: RingArrays, scratch: np.ndarray, to: int
 ) -> None:
     """d/2 times the gradient of log 1/Q of a planar or volume mesh's corner, put into column ``to``."""
     k, d = rings.shapes[rings.start[ring] + c], rings.others.shape[1]

@@ -22,6 +22,7 @@ from math import sqrt
 
 import numpy as np
 
+from dvr_cli.relax.problem import RingArrays
 from dvr_cli.relax.surface.carriers import CURVE, SURFACE, Ground, RingCorners, Standing, Stars
 from dvr_cli.relax.surface.overlay import look, take_over
 from dvr_cli.relax.surface.ring import (
@@ -34,7 +35,6 @@ from dvr_cli.relax.surface.ring import (
     S2,
     V0,
     V1,
-    RingRows,
     bare,
     best_step,
     hull_direction,
@@ -59,7 +59,7 @@ def walk_rings(
     directions: np.ndarray,
     start: int,
     stop: int,
-    rings: RingRows,
+    rings: RingArrays,
     ground: Ground,
     stars: Stars,
     corners: RingCorners,
@@ -105,7 +105,7 @@ def walk_directions(
     directions: np.ndarray,
     start: int,
     stop: int,
-    rings: RingRows,
+    rings: RingArrays,
     ground: Ground,
     corners: RingCorners,
     standing: Standing,
@@ -155,7 +155,7 @@ def _mean_direction(
     vertex: int,
     ring: int,
     n: int,
-    rings: RingRows,
+    rings: RingArrays,
     ground: Ground,
     standing: Standing,
     scratch: np.ndarray,
@@ -186,7 +186,7 @@ def _gradient(
     ring: int,
     c: int,
     positive: bool,
-    rings: RingRows,
+    rings: RingArrays,
     scratch: np.ndarray,
     to: int,
 ) -> None:
@@ -244,7 +244,7 @@ def _walk_one(
     directions: np.ndarray,
     ring: int,
     vertex: int,
-    rings: RingRows,
+    rings: RingArrays,
     ground: Ground,
     stars: Stars,
     corners: RingCorners,
@@ -308,7 +308,7 @@ def _walk(
     directions: np.ndarray,
     ring: int,
     vertex: int,
-    rings: RingRows,
+    rings: RingArrays,
     ground: Ground,
     corners: RingCorners,
     standing: Standing,
@@ -386,14 +386,17 @@ def _along_carrier(
 
 def _tangent(segment: int, ground: Ground) -> tuple[float, float, float]:
     """The unit vector from the first end of a segment to the second, 0 where they coincide."""
-    a, b = ground.segments[segment, 0], ground.segments[segment, 1]
-    t0 = ground.places[b, 0] - ground.places[a, 0]
-    t1 = ground.places[b, 1] - ground.places[a, 1]
-    t2 = ground.places[b, 2] - ground.places[a, 2]
-    length = sqrt(t0 * t0 + t1 * t1 + t2 * t2)
+    t0, t1, t2, length = _span(segment, ground)
     if not length > 0.0:
         return 0.0, 0.0, 0.0
     return t0 / length, t1 / length, t2 / length
+
+
+def _span(segment: int, ground: Ground) -> tuple[float, float, float, float]:
+    """The vector from the first end of a segment to the second, and its length."""
+    a, b, places = ground.segments[segment, 0], ground.segments[segment, 1], ground.places
+    e0, e1, e2 = places[b, 0] - places[a, 0], places[b, 1] - places[a, 1], places[b, 2] - places[a, 2]
+    return e0, e1, e2, sqrt(e0 * e0 + e1 * e1 + e2 * e2)
 
 
 def _rates(at: int, d0: float, d1: float, d2: float, ground: Ground) -> tuple[float, float]:
@@ -417,11 +420,7 @@ def _way_out(
     """
     at, u = standing.at[vertex], standing.u[vertex]
     if standing.kind[vertex] == CURVE:
-        a, b = ground.segments[at, 0], ground.segments[at, 1]
-        e0 = ground.places[b, 0] - ground.places[a, 0]
-        e1 = ground.places[b, 1] - ground.places[a, 1]
-        e2 = ground.places[b, 2] - ground.places[a, 2]
-        length = sqrt(e0 * e0 + e1 * e1 + e2 * e2)
+        e0, e1, e2, length = _span(at, ground)
         if d0 * e0 + d1 * e1 + d2 * e2 >= 0.0:
             return (1.0 - u) * length, 1
         return u * length, 0
@@ -454,11 +453,7 @@ def _go(
     """Move a vertex by ``step`` within its facet or segment."""
     at, u = standing.at[vertex], standing.u[vertex]
     if standing.kind[vertex] == CURVE:
-        a, b = ground.segments[at, 0], ground.segments[at, 1]
-        e0 = ground.places[b, 0] - ground.places[a, 0]
-        e1 = ground.places[b, 1] - ground.places[a, 1]
-        e2 = ground.places[b, 2] - ground.places[a, 2]
-        length = sqrt(e0 * e0 + e1 * e1 + e2 * e2)
+        e0, e1, e2, length = _span(at, ground)
         part = step / length
         if d0 * e0 + d1 * e1 + d2 * e2 < 0.0:
             part = -part
@@ -593,7 +588,7 @@ def _lines(
     d1: float,
     d2: float,
     ring: int,
-    rings: RingRows,
+    rings: RingArrays,
     ground: Ground,
     corners: RingCorners,
     standing: Standing,
@@ -653,7 +648,7 @@ def _upright(
     x1: float,
     x2: float,
     at: int,
-    rings: RingRows,
+    rings: RingArrays,
     ground: Ground,
     corners: RingCorners,
     standing: Standing,
