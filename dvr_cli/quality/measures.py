@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvr_cli.mesh.domain import Domain
+from dvr_cli.quality.altitudes import altitude_and_conduction
 from dvr_cli.quality.angles import extreme_angles
 
 
@@ -15,23 +16,35 @@ from dvr_cli.quality.angles import extreme_angles
 class Measure:
     """One number of a mesh, or several that are found together.
 
-    names: in reports as data. labels: in reports in words, in 2D and in 3D. unit: the word for what is
-        measured, and its unit, in reports as data.
+    names: in reports as data. labels: in reports in words, in 2D and in 3D. units: the words for what is
+        measured, and the unit of each, in reports as data.
     values: the numbers of a domain with coordinates (N, d), NaN for one that it does not have.
     """
 
     names: tuple[str, ...]
     labels: tuple[tuple[str, ...], tuple[str, ...]]
-    unit: tuple[str, str]
+    units: tuple[tuple[str, str], ...]
     values: Callable[[Domain, np.ndarray], Sequence[float]]
+
+
+def _altitude_and_conduction(domain: Domain, flat: np.ndarray) -> tuple[float, float]:
+    """The smallest altitude, and the conduction bound, NaN where an element has no size."""
+    least, bound = altitude_and_conduction(flat, domain.corners.vertices, domain.backend)
+    return least, bound if bound < np.inf else np.nan
 
 
 MEASURES: Sequence[Measure] = [
     Measure(
         ("min_angle", "max_angle"),
         (("min angle (deg)", "max angle (deg)"), ("min dihedral (deg)", "max dihedral (deg)")),
-        ("angle", "degree"),
+        (("angle", "degree"),),
         lambda domain, flat: extreme_angles(flat, domain.cells, domain.backend),
+    ),
+    Measure(
+        ("min_altitude", "conduction_bound"),
+        (("min altitude", "conduction bound"), ("min altitude", "conduction bound")),
+        (("altitude", "length unit of the mesh"), ("conduction", "1 / (length unit of the mesh)^2")),
+        _altitude_and_conduction,
     ),
 ]
 
@@ -56,4 +69,4 @@ def labelled(values: dict[str, float | None], dimension: int) -> list[tuple[str,
 
 def units() -> dict[str, str]:
     """The unit of all that is measured, by the word for it."""
-    return dict(measure.unit for measure in MEASURES)
+    return dict(unit for measure in MEASURES for unit in measure.units)

@@ -403,6 +403,8 @@ def _digits(value: Value, label: str = "") -> str:
         return str(value)
     if label.endswith("(deg)"):
         return f"{value:.2f}"
+    if abs(value) >= 1e6:
+        return f"{value:.3e}"
     return f"{value:.4f}" if value == 0 or abs(value) >= 1e-3 else f"{value:.1e}"
 
 

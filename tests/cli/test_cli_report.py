@@ -26,6 +26,8 @@ quality (mean ratio: 1 ideal, 0 degenerate, below 0 inverted)
   degenerate                 0
   min angle (deg)         7.13
   max angle (deg)       146.31
+  min altitude          0.1000
+  conduction bound    510.0000
 
   other measures             worst      1 %     10 %     50 %     mean
   scaled-jacobian           0.1432   0.1464   0.1754   0.5088   0.5060
@@ -77,6 +79,8 @@ the quality vectors first differ at component 1 of 1: {q!r} before, {best!r} aft
   degenerate                 0        0
   min angle (deg)         7.13    45.00
   max angle (deg)       146.31    90.00
+  min altitude          0.1000   0.5000
+  conduction bound    510.0000  24.0000
 """
 
 

@@ -27,6 +27,8 @@ relaxed 1 of 5 points in 5 sweeps, # s
   degenerate                 0        0
   min angle (deg)         7.13    45.00
   max angle (deg)       146.31    90.00
+  min altitude          0.1000   0.5000
+  conduction bound    510.0000  24.0000
 converged: Q1 grew by less than 0.5 in each of the last 3 sweeps
 limited: 4 elements meet at vertex 4, which allows 0.8660 at best
 advice: only other elements help: remesh there

@@ -23,7 +23,7 @@ def longest(monkeypatch):
             return (np.nan,)
         return (max(np.ptp(flat[block.vertices], axis=1).max() for block in domain.cells),)
 
-    record = Measure(("longest",), (("span in 2D",), ("span",)), ("span", "that of the points"), values)
+    record = Measure(("longest",), (("span in 2D",), ("span",)), (("span", "that of the points"),), values)
     monkeypatch.setattr("dvr_cli.quality.measures.MEASURES", [*MEASURES, record])
 
 
