@@ -6,6 +6,7 @@ Needs h5py, which the extra ``formats`` installs.
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import io
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,11 @@ if TYPE_CHECKING:
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _MOST_COMPRESSED = 2000  # values in so many times the bytes they are stored in can only come from damage
+
+
+def is_there() -> bool:
+    """True if h5py is installed."""
+    return importlib.util.find_spec("h5py") is not None
 
 
 @contextlib.contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from io import BytesIO
 from pathlib import Path
 
 import meshio
@@ -10,8 +11,12 @@ import numpy as np
 import pytest
 
 from dvr_cli.errors import DvrError, InputError, OutputError
+from dvr_cli.files import obj, xdmf
 from dvr_cli.files.reading import open_mesh
+from dvr_cli.files.source import InputFile
 from dvr_cli.files.writing import Output
+from dvr_cli.files.xdmf.convert import convert
+from dvr_cli.mesh.mesh import Cells, Mesh
 from fuzz import COUNTS, mutated
 from needs import require
 
@@ -287,8 +292,11 @@ def test_pipes_are_refused(tmp_path):
         Output(open_mesh(path), Path("-"))
 
 
-def test_other_formats_become_one_file_that_vtk_reads(tmp_path):
+@pytest.mark.parametrize("beside", [True, False])
+def test_other_formats_become_files_that_vtk_reads(tmp_path, monkeypatch, beside):
+    """The arrays are in an HDF5 file; without h5py, as simulated here, they are text."""
     vtk_corpus = pytest.importorskip("vtk_corpus")
+    monkeypatch.setattr("dvr_cli.files.xdmf.convert.is_there", lambda: beside)
     from dvr_cli.files import vtk
 
     for build in ("all_linear", "second_order"):
@@ -300,7 +308,7 @@ def test_other_formats_become_one_file_that_vtk_reads(tmp_path):
         path = tmp_path / f"{build}.xdmf"
         output = Output(source, path)
         output.write(source.mesh.points)
-        assert list(tmp_path.glob("*.h5")) == []
+        assert (tmp_path / f"{build}.h5").exists() == beside
         oracle = read_with_vtk(path)
         assert points_of(oracle).tolist() == source.mesh.points.tolist()
         kinds = [oracle.GetCellType(i) for i in range(oracle.GetNumberOfCells())]
@@ -314,6 +322,45 @@ def test_other_formats_become_one_file_that_vtk_reads(tmp_path):
         # runs of one type are one block
         assert rows(b.vertices for b in again.cells) == rows(b.vertices for b in blocks)
         assert rows(again.cell_data["n"]) == rows(source.mesh.cell_data["n"])
+
+
+def test_a_converted_mesh_of_one_type_has_its_name(tmp_path):
+    """So dolfin and others can read it, which know no mixed Topology; meshio is the independent reader."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1.0]])
+    cells = [Cells("tetra", np.array([[0, 1, 2, 3], [1, 2, 3, 4]]))]
+    fields = {"<a> & b": [np.array([3, 4])], "vectors": [np.arange(6.0).reshape(2, 3)]}
+    mesh = Mesh(points, cells, fields, {"on": np.array([True, False, True, False, True])})
+    source = convert(mesh, [])
+    source.target = tmp_path / "m.xdmf"
+    write(source, tmp_path / "m.xdmf", points)
+    back = meshio.read(tmp_path / "m.xdmf")
+    assert b'"Tetrahedron"' in (tmp_path / "m.xdmf").read_bytes()
+    assert back.points.tolist() == points.tolist()
+    assert back.cells_dict["tetra"].tolist() == cells[0].vertices.tolist()
+    assert back.cell_data["<a> & b"][0].tolist() == [3, 4]
+    assert back.cell_data["vectors"][0].tolist() == fields["vectors"][0].tolist()
+    assert back.point_data["on"].tolist() == [1, 0, 1, 0, 1]
+
+
+def test_conversion_overwrites_no_foreign_file_and_its_own_again(tmp_path):
+    source = obj.read(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "new.h5").write_bytes(b"a precious thing")
+    with pytest.raises(OutputError, match=r"new\.h5 is in the way"):
+        Output(source, tmp_path / "new.xdmf")
+    assert not (tmp_path / "new.xdmf").exists()
+    for factor in (1, 2):
+        Output(source, tmp_path / "other.xdmf").write(factor * source.mesh.points)
+        assert meshio.read(tmp_path / "other.xdmf").points[1].tolist() == [factor, 0, 0]
+
+
+def test_conversion_without_a_place_is_text():
+    source = convert(obj.read(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").mesh, [])
+    file = BytesIO()
+    source.write(source.mesh.points, file)
+    assert source.companions(source.mesh.points) == {}
+    again = xdmf.read(InputFile(file.getvalue(), None)).mesh
+    assert again.points.tolist() == source.mesh.points.tolist()
+    assert again.cells[0].vertices.tolist() == [[0, 1, 2]]
 
 
 def rows(arrays) -> list:

@@ -31,7 +31,7 @@ def places(source: Path, target: Path, moved: list[str], kept: list[str]) -> dic
     """
     if _real(source) == _real(target):
         return {name: name for name in moved}
-    old = _owned(target)
+    old = owned(target)
     own = {_real(source.parent / name) for name in (*moved, *kept)}
     same_folder = _real(source.parent) == _real(target.parent)
     result: dict[str, str] = {}
@@ -57,7 +57,7 @@ def places(source: Path, target: Path, moved: list[str], kept: list[str]) -> dic
     return result
 
 
-def _owned(target: Path) -> set[Path]:
+def owned(target: Path) -> set[Path]:
     """The files that belong to what is at ``target`` now."""
     if not target.is_file():
         return set()
