@@ -385,8 +385,8 @@ TABLE = (
         "plot",
         FILE,
         None,
-        "Draw the meshes and their qualities: .svg, .png, .pdf, or .html, a page with the report (needs "
-        "dvr-cli[plot]).",
+        "Draw the meshes and their qualities: .svg, .png, .pdf, or .html, a page with the report and the "
+        "meshes to be turned and cut in a browser (needs dvr-cli[plot]).",
         (*RUNS, *REPORTS),
         "FILE",
         panel="Reports",
@@ -544,13 +544,16 @@ TABLE = (
         "measure",
         Values(str, names=CELL_MEASURES),
         None,
-        "Draw the histogram and list the worst elements by this measure instead of the mean ratio, and with "
-        f"--csv print its value for each cell: {', '.join(CELL_MEASURES)}.",
+        "Draw the histogram, list the worst elements and colour pictures by this measure instead of the mean "
+        f"ratio, and with --csv print its value for each cell: {', '.join(CELL_MEASURES)}.",
         (*RUNS, "quality"),
         "NAME",
         variants=dict.fromkeys(
             RUNS,
-            Variant(help=f"With --quality-field: write this measure instead: {', '.join(CELL_MEASURES)}."),
+            Variant(
+                help="Colour pictures and fill --quality-field with this measure instead of the mean ratio: "
+                f"{', '.join(CELL_MEASURES)}."
+            ),
         ),
         panel="Reports",
     ),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,17 +44,33 @@ def write_picture(
     text: str,
     sweeps: Sequence[Mapping[str, Any]] | None = None,
     kept: Any = None,
+    measure: str | None = None,
 ) -> None:
     """Draw a mesh in some states, the points and quality of each by name, into the file at ``path``.
 
     title, text: heading and report on a page of HTML. sweeps: those from the first state to the last.
-    kept: see ``State``.
+    kept: see ``State``. measure: the name of the one that colours show, None for the mean ratio.
     """
     from dvr_cli.files import writing
     from dvr_cli.mesh.domain import domain_of
+    from dvr_cli.quality.cell_measures import CELL_MEASURES, Geometry
     from dvr_cli.report.picture import State, picture
-    from dvr_cli.report.render import picture_file
+    from dvr_cli.report.render import page, render
+    from dvr_cli.report.scale import MEAN_RATIO, scale_of
 
+    domain, scale = domain_of(mesh, straighten=True), MEAN_RATIO
     drawn = [State(name, points, quality, kept) for name, (points, quality) in states.items()]
-    figure = picture(domain_of(mesh, straighten=True), drawn, sweeps)
-    writing.write_bytes(path, picture_file(path, title, figure, text))
+    if measure is not None:
+        chosen = CELL_MEASURES[measure]
+        values = [chosen.of(Geometry(domain, state.points)) for state in drawn]
+        scale = scale_of(chosen, values)
+        drawn = [replace(state, kept=None, measured=of) for state, of in zip(drawn, values, strict=True)]
+    figure = picture(domain, drawn, sweeps, scale)
+    suffix = path.suffix.lower()
+    if suffix == ".html":
+        from dvr_cli.report.view import view
+
+        data = page(title, figure, text, view(domain, drawn, scale))
+    else:
+        data = render(figure, suffix)
+    writing.write_bytes(path, data)

@@ -19,7 +19,7 @@ from dvr_cli.errors import UsageError
 QUALITY_EXAMPLES = (
     example("dvr report quality in.msh", "the worst element and where it is, quantiles, a histogram"),
     example("dvr report quality in.msh --json | jq .quality.q1", "one figure of it"),
-    example("dvr report quality in.msh --plot q.html", "a page with pictures"),
+    example("dvr report quality in.msh --plot q.html", "a page to turn, cut and pick the mesh"),
 )
 COMPARE_EXAMPLES = (
     example("dvr report compare before.msh after.msh", "which is better; exit code 1 if the last is worse"),
@@ -58,7 +58,13 @@ def quality(
     if plot is not None:
         text = quality_text(report, str(path), "█")
         write_picture(
-            plot, mesh, {path.name: (mesh.points, report.quality)}, str(path), text, kept=report.kept
+            plot,
+            mesh,
+            {path.name: (mesh.points, report.quality)},
+            str(path),
+            text,
+            kept=report.kept,
+            measure=name,
         )
     if json:
         emit(as_json(report.record(str(path))))

@@ -55,8 +55,9 @@ def run(
     quiet, verbose = given["quiet"], given.get("verbose", False)
     if quiet and verbose:
         raise UsageError("--quiet and --verbose exclude each other")
-    if measure is not None and not quality_field:
-        raise UsageError("--measure needs --quality-field, which it names and fills")
+    page = is_page(report)
+    if measure is not None and not quality_field and plot is None and not page:
+        raise UsageError("--measure needs --quality-field, --plot or a --report in HTML, which show it")
     if report is not None and no_report:
         raise UsageError("--report and --no-report exclude each other")
     writing.output_format_of(output, output_format)
@@ -67,7 +68,6 @@ def run(
         check("--report", report, _REPORTS, [source, output])
     if plot is not None:
         check("--plot", plot, PICTURES, [source, output, report])
-    page = is_page(report)
 
     with Progress(quiet, verbose) as progress:
         progress.show(f"reading {source}")
@@ -85,7 +85,7 @@ def run(
                     interrupted=lambda: interrupt.requested,
                 )
                 failed = failures(gates, opened.mesh, points, result.after)
-                if measure is not None:
+                if quality_field and measure is not None:
                     destination.fill(measure_field(opened.mesh, measure, points), points)
                 elif quality_field:
                     destination.fill(cell_field(opened.mesh, result.after.elements), points)
@@ -100,7 +100,9 @@ def run(
                 progress.show(f"drawing {picture}")
                 summary = smooth_text(result, str(source), str(output))
                 states = {"before": (opened.mesh.points, result.before), "after": (points, result.after)}
-                write_picture(picture, opened.mesh, states, str(output), summary, result.sweeps, result.kept)
+                write_picture(
+                    picture, opened.mesh, states, str(output), summary, result.sweeps, result.kept, measure
+                )
     if not quiet:
         say(smooth_text(result, str(source), str(output), columns(sys.stderr)))
         relaxing = sum(sweep["seconds"] for sweep in result.sweeps)

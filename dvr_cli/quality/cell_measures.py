@@ -54,7 +54,7 @@ class CellMeasure:
     name: on the command line. label: in words. unit: "deg", or "1" for pure numbers.
     high_is_good: whether larger values are better. worst: the value of a cell without extent.
     values: the measure (n,) of each cell.
-    dimensions: of the cells that have it.
+    dimensions: of the cells that have it. signed: whether values below zero mean inverted cells.
     """
 
     name: str
@@ -64,6 +64,7 @@ class CellMeasure:
     worst: float
     values: Callable[[Geometry], np.ndarray]
     dimensions: tuple[int, ...] = (2, 3)
+    signed: bool = False
 
     def of(self, geometry: Geometry) -> np.ndarray:
         """(n,) the measure of each cell; InputError for cells of another dimension."""
@@ -160,7 +161,9 @@ def _by_type(function: Callable[[Vertices, CellType], np.ndarray]) -> Callable[[
 CELL_MEASURES = {
     measure.name: measure
     for measure in (
-        CellMeasure("scaled-jacobian", "scaled Jacobian", "1", True, 0.0, _by_type(scaled_jacobian)),
+        CellMeasure(
+            "scaled-jacobian", "scaled Jacobian", "1", True, 0.0, _by_type(scaled_jacobian), signed=True
+        ),
         CellMeasure("aspect-ratio", "aspect ratio", "1", False, _UNBOUNDED, _by_type(aspect_ratio)),
         CellMeasure("skewness", "equiangle skewness", "1", False, 1.0, _by_type(skewness)),
         CellMeasure("min-angle", "smallest angle", "deg", True, 0.0, _by_type(smallest_angle)),

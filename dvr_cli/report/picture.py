@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.ticker import MaxNLocator
 
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.quality.measure import Quality
 from dvr_cli.report.plot import STYLE, plot_histogram, plot_sweeps, plot_vectors
 from dvr_cli.report.plot_mesh import plot_boundary, plot_cut, plot_plane, plot_surface, project
+from dvr_cli.report.scale import MEAN_RATIO, Scale
 
 _WIDTH = 9.0  # inches: letters of 9 points are legible where the picture is 800 pixels wide
 _MOST = 6  # meshes that are drawn; of more there are only diagrams
@@ -29,19 +31,25 @@ _PICKED = 0.05  # share of the elements that is picked out at most
 class State:
     """A mesh to be drawn: its name, its points (N, 2|3) as the mesh gives them, its quality.
 
-    kept: (n,) bool, the elements that keep their shape and are drawn apart; None for none.
+    kept: (n,) bool, the elements that keep their shape and are drawn apart; None for none. measured: (n,) the
+    measure of each element that colours show; None for its quality.
     """
 
     name: str
     points: np.ndarray
     quality: Quality
     kept: np.ndarray | None = None
+    measured: np.ndarray | None = None
 
     @property
-    def colours(self) -> np.ndarray:
-        """(n,) the quality of each element, masked where it is kept."""
-        elements = self.quality.elements
-        return elements if self.kept is None else np.ma.masked_array(elements, self.kept)
+    def values(self) -> np.ndarray:
+        """(n,) what colours show of each element."""
+        return self.quality.elements if self.measured is None else self.measured
+
+    def colours(self, scale: Scale) -> np.ndarray:
+        """(n,) the share of the scale that each element has, masked where it is kept."""
+        shares = scale.shares(self.values)
+        return shares if self.kept is None else np.ma.masked_array(shares, self.kept)
 
     @property
     def label(self) -> str:
@@ -51,11 +59,15 @@ class State:
 
 
 def picture(
-    domain: Domain, states: Sequence[State], sweeps: Sequence[Mapping[str, Any]] | None = None
+    domain: Domain,
+    states: Sequence[State],
+    sweeps: Sequence[Mapping[str, Any]] | None = None,
+    scale: Scale = MEAN_RATIO,
 ) -> Figure:
     """The picture of a mesh in one or more states, and of the sweeps that led from the first to the last.
 
-    domain: that of the mesh in any of the states. sweeps: those of a report, None if there is none.
+    domain: that of the mesh in any of the states. sweeps: those of a report, None if there is none. scale: of
+    the colours of elements.
     """
     with rc_context(STYLE):
         shown = states if len(states) <= _MOST else []
@@ -70,7 +82,7 @@ def picture(
         below: Figure | SubFigure = figure
         if shown:
             above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[height, _BELOW]).ravel()
-            _meshes(above, domain, shown, rows, columns)
+            _meshes(above, domain, shown, rows, columns, scale)
         axes = below.subplots(1, 2 if sweeps is None else 3, squeeze=False)[0]
         plot_vectors(axes[0], {_with_q1(state): state.quality.vector for state in states})
         plot_histogram(axes[1], {state.label: state.quality.histogram for state in states})
@@ -79,15 +91,17 @@ def picture(
         return figure
 
 
-def _meshes(figure: SubFigure, domain: Domain, states: Sequence[State], rows: int, columns: int) -> None:
+def _meshes(
+    figure: SubFigure, domain: Domain, states: Sequence[State], rows: int, columns: int, scale: Scale
+) -> None:
     axes = figure.subplots(rows, columns, squeeze=False)
     for one in axes.ravel():
         one.axis("off")
     for i, state in enumerate(states):
-        points, elements = domain.flatten(state.points), state.colours
-        picked = state.quality.worst[: max(1, int(_PICKED * len(elements)))]
-        worst = np.searchsorted(domain.cell_ids, [element.cell for element in picked]).tolist()
-        title = f"{state.label}: worst quality {state.quality.minimum:.4g}"
+        points, elements = domain.flatten(state.points), state.colours(scale)
+        most = max(1, int(_PICKED * len(elements)))
+        worst = scale.worst(state.values, min(most, len(state.quality.worst)))
+        title = f"{state.label}: worst {scale.label} {scale.extreme(state.values):.4g}{scale.unit}"
         if domain.dimension == 2:
             plot = plot_plane if points.shape[1] == 2 else plot_surface
             drawn = plot(axes.ravel()[i], points, domain.cells, elements, worst)
@@ -97,11 +111,15 @@ def _meshes(figure: SubFigure, domain: Domain, states: Sequence[State], rows: in
             drawn = plot_cut(axes[i, 1], points, domain.cells, elements)
             axes[i, 0].set_title(title)
             axes[i, 1].set_title(f"{state.label}: cut")
-    extend = "min" if any(state.quality.minimum < 0 for state in states) else "neither"
+    extend = "min" if any(scale.is_beyond(state.values) for state in states) else "neither"
     side, length = ("right", 0.7) if columns > 1 else ("bottom", 0.4)
     bar = figure.colorbar(drawn, ax=axes, location=side, shrink=length, aspect=30, pad=0.02, extend=extend)
     kept = any(state.kept is not None for state in states)
-    bar.set_label("mean ratio (light blue: cells that are kept)" if kept else "mean ratio")
+    bar.set_label(f"{scale.label} (light blue: cells that are kept)" if kept else scale.label)
+    ticks = [
+        tick for tick in MaxNLocator(6).tick_values(scale.bad, scale.good) if 0 <= scale.share(tick) <= 1
+    ]
+    bar.set_ticks([scale.share(tick) for tick in ticks], labels=[f"{tick:.4g}{scale.unit}" for tick in ticks])
 
 
 def _aspect(domain: Domain, points: np.ndarray) -> float:

@@ -10,7 +10,6 @@ import importlib.util
 import io
 import re
 import warnings
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dvr_cli.errors import UsageError
@@ -28,7 +27,7 @@ _PAGE = """\
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{title}</title>
 <style>
-body {{ margin: 1.5rem auto; max-width: 64rem; padding: 0 1rem }}
+body {{ margin: 1.5rem auto; max-width: 80rem; padding: 0 1rem }}
 body {{ font: 1rem/1.4 sans-serif; color: #222; background: #fff }}
 h1 {{ font-size: 1.2rem; overflow-wrap: anywhere }}
 svg {{ width: 100%; height: auto }}
@@ -37,7 +36,7 @@ pre {{ overflow-x: auto; font-size: 0.85rem }}
 </head>
 <body>
 <h1>{title}</h1>
-{picture}
+{view}{picture}
 <pre>{text}</pre>
 </body>
 </html>
@@ -61,14 +60,9 @@ def render(figure: Figure, suffix: str) -> bytes:
     return data.getvalue()
 
 
-def page(title: str, figure: Figure, text: str) -> bytes:
-    """A page of HTML, all in itself: the figure as SVG, and a report's text below it."""
+def page(title: str, figure: Figure, text: str, view: str) -> bytes:
+    """A page of HTML, all in itself: the view, the figure as SVG, and a report's text below them."""
     svg = render(figure, ".svg").decode()
     picture = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
-    return _PAGE.format(title=html.escape(title), picture=picture, text=html.escape(text)).encode()
-
-
-def picture_file(path: Path, title: str, figure: Figure, text: str) -> bytes:
-    """The file for ``path``: a picture, or a page with the picture and a report's text, by its suffix."""
-    suffix = path.suffix.lower()
-    return page(title, figure, text) if suffix == ".html" else render(figure, suffix)
+    page = _PAGE.format(title=html.escape(title), view=view, picture=picture, text=html.escape(text))
+    return page.encode()

@@ -5,24 +5,17 @@ from __future__ import annotations
 import importlib.util
 import itertools
 import os
-import re
 import subprocess
 import sys
-from html.parser import HTMLParser
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
-from matplotlib.image import imread
 
 import dvr_cli
 from cli_support import FAN, assert_one_line, fan, listing, read_json, write
 from dvr_cli.files.reading import open_mesh
-from dvr_cli.report.plot import COLOURS
-from dvr_cli.report.plot_mesh import colour_scale
-from needs import require_program
 
 MAGIC = {".svg": b"<?xml", ".png": b"\x89PNG", ".pdf": b"%PDF", ".html": b"<!DOCTYPE html>"}
 
@@ -142,79 +135,11 @@ def test_no_picture_code_unless_asked_for(tmp_path):
         return set(run.stdout.splitlines()[-1].split())
 
     code = {"matplotlib", "dvr_cli.report.picture", "dvr_cli.report.plot", "dvr_cli.report.render"}
-    assert not code & imported(*runs)
-    assert code <= imported(f"{runs[1]} --plot {tmp_path}/p.png")
-
-
-# --------------------------------------------------------------------------------------------- pages
-
-
-class Links(HTMLParser):
-    """What a page refers to, and its tags."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.tags: set[str] = set()
-        self.targets: list[str] = []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.add(tag)
-        self.targets += [
-            value or "" for name, value in attrs if name in ("href", "xlink:href", "src", "srcset")
-        ]
-        self.targets += [url for _, value in attrs for url in re.findall(r"url\(([^)]*)\)", value or "")]
-
-
-@pytest.fixture
-def page(dvr, tmp_path):
-    """A report as a page of HTML, of a mesh whose name has to be quoted."""
-    path = tmp_path / "report.html"
-    source = fan(tmp_path / "a<b>&c.msh")
-    result = dvr("smooth", source, tmp_path / "out.msh", "-d", "axis", "--report", path)
-    assert result.code == 0
-    assert not (tmp_path / "out.quality.json").exists()
-    return path, result.err
-
-
-def test_a_page_needs_nothing_beside_itself(page):
-    path, _ = page
-    links = Links()
-    links.feed(path.read_text("utf-8"))
-    assert {"svg", "pre", "path"} <= links.tags
-    assert not {"script", "link", "iframe", "img", "object", "embed"} & links.tags
-    assert links.targets
-    assert all(target.startswith(("#", "data:")) for target in links.targets)
-    assert "@import" not in path.read_text("utf-8")
-
-
-def test_a_page_has_the_report_in_words(page):
-    path, said = page
-    text = path.read_text("utf-8")
-    assert "a&lt;b&gt;&amp;c.msh" in text
-    assert "a<b>" not in text
-    pre = text.split("<pre>")[1].split("</pre>")[0]
-    for line in said.splitlines()[3:16]:
-        assert line.rstrip() in pre
-
-
-def test_a_page_opens_in_a_browser_without_network(page, tmp_path):
-    """A screenshot has the colours of the mesh and of the lines; every request to a network would fail."""
-    path, _ = page
-    browser = require_program("chromium", "chromium-browser", "google-chrome")
-    shot = tmp_path / "shot.png"
-    options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--hide-scrollbars"]
-    options += ["--disable-background-networking", "--proxy-server=http://127.0.0.1:9"]
-    options += [f"--user-data-dir={tmp_path / 'profile'}", "--window-size=1000,1200", f"--screenshot={shot}"]
-    subprocess.run([browser, *options, path.as_uri()], check=True, capture_output=True, timeout=120)
-    pixels = imread(shot)[..., :3].reshape(-1, 3)
-
-    def share(colour):
-        return float((np.abs(pixels - colour).max(axis=1) < 0.02).mean())
-
-    best = colour_scale()(3**0.5 / 2)[:3]  # the quality of all four triangles afterwards
-    assert share(best) > 0.05
-    assert all(share(to_rgb(colour)) > 1e-4 for colour in COLOURS[:2])
-    assert share((1.0, 1.0, 1.0)) > 0.3
+    page = {"dvr_cli.report.view"}
+    assert not (code | page) & imported(*runs)
+    drawn = imported(f"{runs[1]} --plot {tmp_path}/p.png")
+    assert code <= drawn
+    assert not page & drawn
 
 
 # --------------------------------------------------------------------------------------------- the field

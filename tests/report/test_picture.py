@@ -114,7 +114,7 @@ def test_a_planar_mesh_is_drawn_as_it_is(kind):
     figure = drawn(mesh, points, report)
     cells = [vertices for block in mesh.cells for vertices in block.vertices]
     for name, at, quality in (("before", mesh.points, report.before), ("after", points, report.after)):
-        axes = axes_titled(figure, f"{name}: worst quality")
+        axes = axes_titled(figure, f"{name}: worst mean ratio")
         corners, values = polygons(axes)
         assert values.tolist() == quality.elements.tolist()
         assert axes.get_aspect() == 1
@@ -262,7 +262,7 @@ def test_of_many_meshes_only_diagrams_are_drawn():
     for number, pictures in ((6, 6), (7, 0)):
         states = [State(str(i), mesh.points, state) for i in range(number)]
         figure = picture(domain_of(mesh), states)
-        assert sum("worst quality" in axes.get_title() for axes in figure.axes) == pictures
+        assert sum("worst mean ratio" in axes.get_title() for axes in figure.axes) == pictures
         assert len(axes_titled(figure, "quality vector").lines) == number
 
 
