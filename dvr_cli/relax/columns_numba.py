@@ -223,6 +223,17 @@ def to_metric(scratch: np.ndarray, row: int, at: int, c: int, d: int) -> None:
 
 
 @inlined
+def see_through(scratch: np.ndarray, row: int, at: int, d: int) -> None:
+    """Replace the vector u in column ``at`` of some rows by L u, with L of column 0."""
+    if d == 2:
+        a, b = _through_2d(scratch, 0, scratch[row, at], scratch[row + 1, at])
+        scratch[row, at], scratch[row + 1, at] = a, b
+        return
+    a, b, e = _through_3d(scratch, 0, scratch[row, at], scratch[row + 1, at], scratch[row + 2, at])
+    scratch[row, at], scratch[row + 1, at], scratch[row + 2, at] = a, b, e
+
+
+@inlined
 def solve(scratch: np.ndarray, row: int, at: int, d: int) -> None:
     """Replace the vector u in column ``at`` of some rows by L⁻¹ u, with L of column 0."""
     if d == 2:

@@ -27,11 +27,12 @@ from typing import NamedTuple
 import numpy as np
 
 from dvr_cli.boundary.freedom import project
-from dvr_cli.mesh.simplex import Components, dot, opposite_normal, solve, solve_back, subtract
+from dvr_cli.mesh.simplex import Components, dot, opposite_normal, subtract
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.line import GAIN, ROUNDING, Lines, flatness
-from dvr_cli.relax.steepest import gradient, own_measure
+from dvr_cli.relax.measured import Measured
+from dvr_cli.relax.steepest import gradient
 
 SUM_GAIN = 1e-9  # relative fall of the sum below which a vertex stays where it is
 CLOSE = 1e-2  # relative length of the last Newton step
@@ -141,10 +142,11 @@ def mean_ascent(
         inverse = _inverses(v, s, d)
         share = inverse * (weight(inverse, aim) + rise(inverse, aim))
         total = [_sum(share * g, real) for g in gradient(edges, normal, v, s, slope, factor)]
-        total = total if within is None else project(total, *within)
         if factor is not None:
-            own = own_measure(factor, within)
-            total = solve(own, solve_back(own, total))
+            measured = Measured.of([entry[0] for entry in factor], within)
+            total = measured.move(measured.gradient(total))
+        elif within is not None:
+            total = project(total, *within)
         length = dot(total, total)
         usable = (badness(v, s, d).max(axis=0) < np.inf) & (length > 0.0) & (length < np.inf)
         root = np.sqrt(length)

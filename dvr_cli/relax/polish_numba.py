@@ -18,13 +18,12 @@ from dvr_cli.relax.columns_numba import (
     WEIGHT,
     RingArrays,
     set_ring,
-    solve,
     solve_back,
 )
 from dvr_cli.relax.line import GAIN, ROUNDING
 from dvr_cli.relax.line_numba import root, s_at, v_at, worst_corner
 from dvr_cli.relax.polish import CLOSE, CUBE_ROOT, INSIDE, MAX_CLIPS, MAX_STEPS, SQUARINGS, SUM_GAIN, Aim
-from dvr_cli.relax.steepest_numba import gradient, moves_anywhere, project
+from dvr_cli.relax.steepest_numba import axis_of, gradient, move, project
 
 
 @compiled
@@ -110,11 +109,14 @@ def mean_directions(
             for i in range(d):
                 here = share * scratch[GRADIENT + i, c]
                 scratch[GRADIENT + i, total] = here if c == 0 else scratch[GRADIENT + i, total] + here
-        if len(axis):
-            project(on_line[ring], axis, ring, d, scratch, total)
-        if len(rings.factor) and moves_anywhere(axis, ring):
+        own = len(rings.factor) > 0
+        if own:
             solve_back(scratch, GRADIENT, total, d)
-            solve(scratch, GRADIENT, total, d)
+        if len(axis):
+            axis0, axis1, axis2 = axis_of(on_line, axis, ring, d, own, scratch)
+            project(on_line[ring], axis0, axis1, axis2, d, scratch, total)
+        if own:
+            move(ring, total, d, on_line, axis, scratch)
         length = scratch[GRADIENT, total] * scratch[GRADIENT, total]
         for i in range(1, d):
             length = length + scratch[GRADIENT + i, total] * scratch[GRADIENT + i, total]

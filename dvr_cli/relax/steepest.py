@@ -7,9 +7,9 @@ once. Where the hull contains zero there is no such direction: but for the width
 count as nearly worst, the vertex is at the optimum over all of its line, plane or space, of which there is
 one only, since each 1/Q is jointly convex in the position (paper Remark 4.8).
 
-In a metric vectors are measured through L of the ring's first corner, so that a stretched mesh in its metric
-moves as one that is neither: with g' = L⁻ᵀ g for the gradients the shortest vector u' of their hull gives
-L⁻¹ u'. Where a vertex is not free to move anywhere they are measured as they are.
+In a metric vectors are measured through L of the ring's first corner (``measured``), so that a stretched mesh
+in its metric moves as one that is neither: with g' = L⁻ᵀ g for the gradients the shortest vector u' of their
+hull gives L⁻¹ u'.
 
 Arrays have shape (K, n) as in ``line``; the compiled twin does the same operations vertex by vertex.
 """
@@ -27,13 +27,13 @@ from dvr_cli.mesh.simplex import (
     back_through,
     dot,
     opposite_normal,
-    solve,
     solve_back,
     subtract,
     through,
 )
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
+from dvr_cli.relax.measured import Measured
 
 MAX_TRANSFERS = 32  # of weight between two gradients on the way to the shortest vector; about 3 are usual
 SHORTEST = 0.7  # of a vector's squared length that its products with all gradients must reach
@@ -92,49 +92,17 @@ def steepest(
         largest = now.max(axis=0)
         active = now >= least_badness(largest, band, d)
         vectors = gradient(edges, normal, v, s, slope, factor)
-        own = None if factor is None else own_measure(factor, within)
-        if own is not None:
-            vectors, normal = solve_back(own, vectors), solve_back(own, normal)
+        measured = None if factor is None else Measured.of([entry[0] for entry in factor], within)
+        if measured is not None:
+            vectors, normal = solve_back(measured.own, vectors), solve_back(measured.own, normal)
+            within = measured.seen
         if (tangled := largest == np.inf).any():
             size = np.sqrt(dot(normal, normal))
             vectors = [np.where(tangled, n / size, g) for n, g in zip(normal, vectors, strict=True)]
         vectors = vectors if within is None else project(vectors, *within)
         active &= dot(vectors, vectors) < np.inf
         found = _shortest_in_hull(vectors, active, now.argmax(axis=0))
-        return found if own is None else _unit_through(own, found, within)
-
-
-def own_measure(
-    factor: Sequence[np.ndarray], within: tuple[np.ndarray, Components] | None
-) -> list[np.ndarray]:
-    """Entries (n,) of the L that directions are measured through: that of each ring's first corner.
-
-    within: as for ``steepest``; where it leaves less than all directions L is the identity.
-    """
-    first = [entry[0] for entry in factor]
-    if within is None:
-        return first
-    free = _moves_anywhere(within)
-    diagonal = (0, 2) if len(within[1]) == 2 else (0, 3, 5)
-    return [np.where(free, entry, float(i in diagonal)) for i, entry in enumerate(first)]
-
-
-def _moves_anywhere(within: tuple[np.ndarray, Components]) -> np.ndarray:
-    """(n,) bool: whether vertices are free to move in all directions."""
-    return np.logical_and.reduce([axis == 0.0 for axis in within[1]])
-
-
-def _unit_through(
-    own: Sequence[np.ndarray], vectors: Components, within: tuple[np.ndarray, Components] | None
-) -> list[np.ndarray]:
-    """L⁻¹ u of unit vectors u, of unit length, or zero where u is; u itself where L is the identity."""
-    solved = solve(own, vectors)
-    length = np.sqrt(dot(solved, solved))
-    found = [np.where(length > 0.0, component / length, 0.0) for component in solved]
-    if within is None:
-        return found
-    free = _moves_anywhere(within)
-    return [np.where(free, new, old) for new, old in zip(found, vectors, strict=True)]
+        return found if measured is None else measured.direction(found)
 
 
 def gradient(

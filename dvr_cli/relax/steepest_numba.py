@@ -17,6 +17,7 @@ from dvr_cli.relax.columns_numba import (
     V0,
     WEIGHT,
     RingArrays,
+    see_through,
     set_ring,
     solve,
     solve_back,
@@ -58,24 +59,25 @@ def steepest_directions(
         worst = worst_corner(scratch, n, 0.0, d)
         largest = scratch[BADNESS, worst]
         count, initial = 0, -1
-        own = len(rings.factor) > 0 and moves_anywhere(axis, ring)
+        own = len(rings.factor) > 0
+        axis0, axis1, axis2 = axis_of(on_line, axis, ring, d, own, scratch)
         for c in range(n):
             if scratch[BADNESS, c] >= largest * keep:
                 if largest < np.inf:
-                    gradient(points, vertex, c, d, len(rings.factor) > 0, scratch, count)
+                    gradient(points, vertex, c, d, own, scratch, count)
                     if own:
                         solve_back(scratch, GRADIENT, count, d)
                 else:
                     _raising(c, d, own, scratch, count)
                 if len(axis):
-                    project(on_line[ring], axis, ring, d, scratch, count)
+                    project(on_line[ring], axis0, axis1, axis2, d, scratch, count)
                 if _size(scratch, count, d) < np.inf:
                     if c == worst:
                         initial = count
                     count += 1
         _shortest_in_hull(directions, ring, initial, count, d, scratch)
         if own:
-            _unit_through(directions, ring, d, scratch)
+            _unit_move(directions, ring, d, on_line, axis, scratch)
 
 
 @inlined
@@ -100,13 +102,28 @@ def gradient(
 
 
 @inlined
-def moves_anywhere(axis: np.ndarray, ring: int) -> bool:
-    """True if the ring's vertex is free to move in all directions; axis: as for ``steepest_directions``."""
-    if len(axis):
-        for i in range(axis.shape[1]):
-            if axis[ring, i] != 0.0:
-                return False
-    return True
+def axis_of(
+    on_line: np.ndarray, axis: np.ndarray, ring: int, d: int, metric: bool, scratch: np.ndarray
+) -> tuple[float, float, float]:
+    """The axis of a ring's line or plane, seen through L of column 0 if ``metric``; zeros if it has none.
+
+    on_line, axis: as for ``steepest_directions``. See ``measured.seen_axis``.
+    """
+    if len(axis) == 0:
+        return 0.0, 0.0, 0.0
+    a0, a1, a2 = axis[ring, 0], axis[ring, 1], axis[ring, 2] if d == 3 else 0.0
+    if not metric:
+        return a0, a1, a2
+    scratch[GRADIENT, 0], scratch[GRADIENT + 1, 0], scratch[GRADIENT + 2, 0] = a0, a1, a2
+    if on_line[ring]:
+        see_through(scratch, GRADIENT, 0, d)
+    else:
+        solve_back(scratch, GRADIENT, 0, d)
+    length = np.sqrt(_size(scratch, 0, d))
+    if not length > 0.0:
+        return 0.0, 0.0, 0.0
+    a2 = scratch[GRADIENT + 2, 0] / length if d == 3 else 0.0
+    return scratch[GRADIENT, 0] / length, scratch[GRADIENT + 1, 0] / length, a2
 
 
 @inlined
@@ -125,25 +142,43 @@ def _raising(c: int, d: int, own: bool, scratch: np.ndarray, to: int) -> None:
 
 
 @inlined
-def _unit_through(directions: np.ndarray, row: int, d: int, scratch: np.ndarray) -> None:
-    """See ``steepest.unit_through``, of a row of ``directions``."""
+def _unit_move(
+    directions: np.ndarray, row: int, d: int, on_line: np.ndarray, axis: np.ndarray, scratch: np.ndarray
+) -> None:
+    """See ``Measured.direction``, of a row of ``directions``."""
     for i in range(d):
         scratch[GRADIENT + i, 0] = directions[row, i]
-    solve(scratch, GRADIENT, 0, d)
+    move(row, 0, d, on_line, axis, scratch)
     length = np.sqrt(_size(scratch, 0, d))
     for i in range(d):
         directions[row, i] = scratch[GRADIENT + i, 0] / length if length > 0.0 else 0.0
 
 
 @inlined
-def project(on_line: bool, axis: np.ndarray, ring: int, d: int, scratch: np.ndarray, k: int) -> None:
-    """Reduce the gradient in column k to the part that the ring's vertex is free to follow."""
-    along = scratch[GRADIENT, k] * axis[ring, 0]
-    for i in range(1, d):
-        along = along + scratch[GRADIENT + i, k] * axis[ring, i]
-    for i in range(d):
-        part = along * axis[ring, i]
-        scratch[GRADIENT + i, k] = part if on_line else scratch[GRADIENT + i, k] - part
+def move(ring: int, k: int, d: int, on_line: np.ndarray, axis: np.ndarray, scratch: np.ndarray) -> None:
+    """Replace the vector in column k by the move it stands for, see ``Measured.move``."""
+    solve(scratch, GRADIENT, k, d)
+    if len(axis):
+        a2 = axis[ring, 2] if d == 3 else 0.0
+        project(on_line[ring], axis[ring, 0], axis[ring, 1], a2, d, scratch, k)
+
+
+@inlined
+def project(on_line: bool, a0: float, a1: float, a2: float, d: int, scratch: np.ndarray, k: int) -> None:
+    """Reduce the gradient in column k to the part that lies in a line or plane with this axis."""
+    along = scratch[GRADIENT, k] * a0 + scratch[GRADIENT + 1, k] * a1
+    if d == 3:
+        along = along + scratch[GRADIENT + 2, k] * a2
+    _leave(on_line, along * a0, GRADIENT, k, scratch)
+    _leave(on_line, along * a1, GRADIENT + 1, k, scratch)
+    if d == 3:
+        _leave(on_line, along * a2, GRADIENT + 2, k, scratch)
+
+
+@inlined
+def _leave(on_line: bool, part: float, row: int, k: int, scratch: np.ndarray) -> None:
+    """Leave of a component that part of it, or the rest."""
+    scratch[row, k] = part if on_line else scratch[row, k] - part
 
 
 @inlined

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from dvr_cli.boundary.freedom import interior_freedom
+from dvr_cli.boundary.freedom import Freedom, interior_freedom, unit
 from dvr_cli.mesh.domain import domain_of
+from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.metric import metric_on
 from dvr_cli.quality.vector import at_least, ring_minima
@@ -21,7 +22,7 @@ from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.steepest import OPTIMAL, STEEPEST
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.relax.untangle.energy import Energy
-from meshes import KINDS, random_freedom, random_mesh, random_tensors
+from meshes import KINDS, outside, random_freedom, random_mesh, random_tensors
 from needs import require
 
 
@@ -209,3 +210,96 @@ def test_rows_of_the_table_stand_in_the_order_in_which_corners_name_them():
     for name in ("matrices", "norm", "slope", "curvature", "factor"):
         rows = getattr(corners.table, name)[corners.shapes[problem.touched_ids]]
         assert (getattr(touched.table, name)[touched.shapes] == rows).all()
+
+
+SHEAR = np.array([[3.0, 0.8, -0.4], [0.0, 0.5, 0.3], [0.0, 0.0, 1.1]])  # triangular, as L is: the same axes
+
+
+def sheared(mesh, freedom):
+    """The domain and the freedom of a mesh in a sheared space, in the metric that undoes it; the map."""
+    d = mesh.points.shape[1]
+    by = SHEAR[:d, :d]
+    back = np.linalg.inv(by)
+    domain = domain_of(Mesh(mesh.points @ by.T, mesh.cells))
+    corners = metric_on(domain, np.tile(back.T @ back, (len(mesh.points), 1, 1))).corners
+    lines = (freedom.dimension == 1)[:, None]
+    axis = unit(np.where(lines, freedom.axis @ by.T, freedom.axis @ back))
+    return replace(domain, corners=corners), Freedom(freedom.dimension, axis), by
+
+
+def engines_of(kind):
+    """Engines for a mesh with vertices on lines, in planes and free, and for the same sheared; the map."""
+    mesh = random_mesh(kind, 3, n=4, noise=0.3)
+    plain = domain_of(mesh)
+    assert corner_qualities(plain.points, plain.corners).min() > 0
+    freedom = random_freedom(plain, 3)
+    domain, held, by = sheared(mesh, freedom)
+    engines = []
+    for one, free in ((plain, freedom), (domain, held)):
+        problem = build_problem(one.corners, free.relaxed, one.points, order="natural", freedom=free)
+        engines.append(ENGINES["numpy"].make(problem, 1))
+        engines[-1].load(one.points)
+    return *engines, by
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("band", [0.002, 1e-9, None])
+def test_a_sheared_mesh_has_the_directions_of_the_unsheared_on_lines_and_in_planes(kind, band):
+    """In its metric; of steepest ascent, and, without a band, of the mean.
+
+    With a wide band the order of exchanges between many gradients is a matter of rounding.
+    """
+    plain, far, by = engines_of(kind)
+    pairs = []
+    for engine, through in ((plain, by), (far, np.eye(len(by)))):
+        found = np.zeros((len(engine.coordinates), len(by)))
+        for batch in range(engine.batches):
+            rows = slice(*engine.problem.batch_start[batch : batch + 2].tolist())
+            ascent = engine.mean_ascent(batch) if band is None else engine.steepest(batch, band)
+            found[engine.problem.relaxed[rows]] = ascent[rows] @ through.T
+        pairs.append(unit(found))
+    assert np.count_nonzero(pairs[0].any(axis=1)) > len(plain.problem.relaxed) / 5
+    np.testing.assert_allclose(pairs[1], pairs[0], atol=1e-7)
+
+
+@pytest.mark.parametrize("kind", ["tetra", "hexahedron", "mixed3d"])
+def test_patches_of_a_sheared_mesh_move_as_those_of_the_unsheared_on_lines_and_in_planes(kind):
+    plain, far, by = engines_of(kind)
+    before = plain.points
+    for engine in (plain, far):
+        relax_patches(engine, Stopping(max_iterations=1))
+    assert np.abs(plain.points - before).max() > 1e-3
+    np.testing.assert_allclose(far.points, plain.points @ by.T, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_untangling_measures_a_sheared_mesh_as_the_unsheared(kind):
+    """Energy and gradient are the same functions of the displacements, so all steps are the same."""
+    mesh = random_mesh(kind, 3, noise=0.9)
+    plain = domain_of(mesh)
+    freedom = random_freedom(plain, 3)
+    domain, held, by = sheared(mesh, freedom)
+    one = Energy(plain.points, plain.corners, freedom)
+    other = Energy(domain.points, domain.corners, held)
+    x = np.zeros(domain.dimension * len(freedom.relaxed))
+    for _ in range(3):
+        (value, gradient), (far, far_gradient) = one.regularised(x, 0.1), other.regularised(x, 0.1)
+        assert far == pytest.approx(value, rel=1e-9)
+        np.testing.assert_allclose(far_gradient, gradient, atol=1e-9 * np.abs(gradient).max())
+        np.testing.assert_allclose(other.points_after(x), one.points_after(x) @ by.T, atol=1e-9)
+        x -= 0.1 / np.abs(gradient).max() * gradient
+
+
+@pytest.mark.parametrize("kind", ["triangle", "tetra", "hexahedron"])
+def test_untangling_in_a_metric_keeps_lines_and_planes_and_descends_in_them(kind):
+    domain = in_metric(random_mesh(kind, 1, noise=0.9), 8)
+    freedom = random_freedom(domain, 2)
+    energy = Energy(domain.points, domain.corners, freedom)
+    x = np.zeros(domain.dimension * len(freedom.relaxed))
+    _, gradient = energy.regularised(x, 0.1)
+    shift = np.zeros_like(domain.points)
+    shift[freedom.relaxed] = energy.points_after(-1e-3 * gradient) - domain.points[freedom.relaxed]
+    assert np.abs(outside(freedom, shift)).max() <= 1e-12 * max(1.0, np.abs(shift).max())
+    step = 1e-6 * gradient / np.linalg.norm(gradient)
+    ends = [energy.regularised(side * step, 0.1)[0] for side in (-1, 1)]
+    assert (ends[1] - ends[0]) / 2e-6 == pytest.approx(np.linalg.norm(gradient), rel=1e-4)

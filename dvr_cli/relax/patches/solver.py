@@ -26,14 +26,13 @@ from dvr_cli.mesh.simplex import (
     cross,
     dot,
     edges_and_determinant,
-    solve,
-    solve_back,
     through,
 )
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.lbfgs import Pair, descent
 from dvr_cli.relax.line import improves
+from dvr_cli.relax.measured import Measured
 
 SQUARINGS = ((5, 9, 13), (4, 8, 12))  # log2 of each k, in 2D and in 3D
 ITERATIONS = 100  # of L-BFGS for one k at most; about 25 are usual
@@ -108,36 +107,32 @@ class PatchEnergy:
         own = np.broadcast_to(slots[:, :1], slots[:, 1:].shape)
         slots = np.stack([slots[:, 1:], own], axis=2)  # of both ends of each edge
         self._slots = np.where(slots < 0, len(moving), slots)  # the last slot is for what does not move
-        self._own = None if self._factor is None else self._own_measure(patch)
+        self._own = None if self._factor is None else self._measured(patch)
         first = edges_and_determinant(points, patch.vertices)[0][0]
         if self._factor is not None:
             first = through(self._factor, first)
         lengths = np.sqrt(dot(first, first))
         self.size = np.add.accumulate(lengths)[-1] / len(lengths)  # mean edge length
 
-    def _own_measure(self, patch: Patch) -> np.ndarray:
-        """(d(d+1)/2, n) entries of the L that the moves of each vertex are measured through."""
+    def _measured(self, patch: Patch) -> Measured:
+        """The measure of each vertex: through L of its first corner."""
         slots = patch.slot[patch.vertices]
         corner, place = np.nonzero(slots >= 0)
         row = np.empty(len(self.moving), dtype=np.int64)
         row[slots[corner, place][::-1]] = patch.shapes[corner][::-1]  # the first corner is the last to be put
-        own = patch.factor[row].T.copy()
-        held = (self._axis != 0.0).any(axis=1)
-        own[:, held] = 0.0
-        own[[0, 2] if len(own) == 3 else [0, 3, 5], :] += held
-        return own
+        return Measured.of(list(patch.factor[row].T), (self._on_line, list(self._axis.T)))
 
     def measured(self, g: np.ndarray) -> np.ndarray:
-        """L⁻ᵀ g of each row of a gradient, which is that by L x."""
-        return g if self._own is None else np.stack(solve_back(self._own, list(g.T)), axis=1)
+        """The gradient by y = L x for that by x, row by row."""
+        return g if self._own is None else np.stack(self._own.gradient(list(g.T)), axis=1)
 
     def moves(self, direction: np.ndarray) -> np.ndarray:
-        """L⁻¹ u of each row, the move that one of L x by u stands for."""
-        return direction if self._own is None else np.stack(solve(self._own, list(direction.T)), axis=1)
+        """The move of x that one of y = L x stands for, row by row."""
+        return direction if self._own is None else np.stack(self._own.move(list(direction.T)), axis=1)
 
     def taken(self, move: np.ndarray) -> np.ndarray:
-        """L u of each row of a move; see ``moves``."""
-        return move if self._own is None else np.stack(through(self._own, list(move.T)), axis=1)
+        """The move of y = L x for that of x, row by row."""
+        return move if self._own is None else np.stack(through(self._own.own, list(move.T)), axis=1)
 
     def badness(self) -> np.ndarray:
         """(C,) B of each corner, infinite where it is not positive."""

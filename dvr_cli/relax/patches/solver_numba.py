@@ -38,8 +38,9 @@ def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
     if before == np.inf:
         return before, before
     size, own = _size(points, patch), _own_measure(patch)
+    seen = _seen_axes(patch, own)
     for squarings in SQUARINGS[d - 2]:
-        if _minimise(points, patch, own, squarings, size, bad, power):
+        if _minimise(points, patch, own, seen, squarings, size, bad, power):
             break
     moved = np.empty(len(start))
     _take(points, moving, moved)
@@ -59,6 +60,7 @@ def _minimise(
     points: np.ndarray,
     patch: Patch,
     own: np.ndarray,
+    seen: np.ndarray,
     squarings: int,
     size: float,
     bad: np.ndarray,
@@ -66,7 +68,8 @@ def _minimise(
 ) -> bool:
     """See ``solver._minimise``; vectors (n, d) are flat, pairs stand in the rows of two arrays.
 
-    own: (n,) the row of the shape table whose L each vertex is measured through, -1 for none.
+    own: (n,) the row of the shape table whose L each vertex is measured through; seen: (n, d) the axes of
+    their lines and planes through that. Both are empty without a metric.
     """
     d = points.shape[1]
     moving = patch.moving
@@ -80,7 +83,7 @@ def _minimise(
     reference = _badnesses(points, patch, bad)
     f, total = _norm(bad, reference, squarings, power)
     _gradient(points, patch, power, f, total, g)
-    _measure(g, patch.factor, own)
+    _measure(g, patch, own, seen)
     way = np.empty(n) if len(own) else direction
     for _ in range(ITERATIONS):
         descent(g, steps, changes, curvature, factor, kept, d, direction)
@@ -95,7 +98,7 @@ def _minimise(
             step = FIRST_STEP * size / largest
         if len(own):
             way[:] = direction
-            _unmeasure(way, patch.factor, own)
+            _unmeasure(way, patch, own)
         falls, trial, worst = False, f, np.inf
         for _ in range(HALVINGS):
             for i in range(n):
@@ -113,15 +116,14 @@ def _minimise(
         if worst <= patch.enough:
             return True
         _gradient(points, patch, power, trial, total, new)
-        _measure(new, patch.factor, own)
+        _measure(new, patch, own, seen)
         row = kept % rows
         for i in range(n):
             steps[row, i] = reached[i] - x[i]
             changes[row, i] = new[i] - g[i]
             x[i], g[i] = reached[i], new[i]
         for i in range(len(own)):
-            if own[i] >= 0:
-                _see_through(patch.factor, own[i], steps[row, i * d : (i + 1) * d])
+            _see_through(patch.factor, own[i], steps[row, i * d : (i + 1) * d])
         curvature[row] = dot(steps[row], changes[row], d)
         if curvature[row] > 0.0:
             kept += 1
@@ -173,65 +175,96 @@ def _put(points: np.ndarray, moving: np.ndarray, values: np.ndarray) -> None:
 @inlined
 def _project(g: np.ndarray, patch: Patch) -> None:
     """See ``PatchEnergy.inside``."""
-    moving, dimension, axis = patch.moving, patch.dimension, patch.axis
-    d = axis.shape[1]
-    for i in range(len(moving)):
-        vertex = moving[i]
-        if dimension[vertex] == d:
-            continue
-        along = 0.0
-        for j in range(d):
-            along = along + g[i * d + j] * axis[vertex, j]
-        for j in range(d):
-            part = along * axis[vertex, j]
-            g[i * d + j] = part if dimension[vertex] == 1 else g[i * d + j] - part
+    d = patch.axis.shape[1]
+    for i in range(len(patch.moving)):
+        vertex = patch.moving[i]
+        if patch.dimension[vertex] < d:
+            _keep_within(g[i * d : (i + 1) * d], patch.dimension[vertex] == 1, patch.axis[vertex])
+
+
+@inlined
+def _keep_within(u: np.ndarray, on_line: bool, axis: np.ndarray) -> None:
+    """Leave of a vector the part in a line or plane; see ``freedom.project``."""
+    along = 0.0
+    for j in range(len(u)):
+        along = along + u[j] * axis[j]
+    for j in range(len(u)):
+        part = along * axis[j]
+        u[j] = part if on_line else u[j] - part
 
 
 @compiled
 def _own_measure(patch: Patch) -> np.ndarray:
-    """See ``PatchEnergy``: (n,) rows of the shape table, -1 for L the identity; empty without a metric."""
+    """See ``PatchEnergy``: (n,) rows of the shape table; empty without a metric."""
     if len(patch.factor) == 0:
         return np.empty(0, dtype=np.int64)
     own = np.full(len(patch.moving), -1, dtype=np.int64)
     for c in range(len(patch.vertices)):
         for k in range(patch.vertices.shape[1]):
             i = patch.slot[patch.vertices[c, k]]
-            if i >= 0 and own[i] < 0 and not patch.axis[patch.moving[i]].any():
+            if i >= 0 and own[i] < 0:
                 own[i] = patch.shapes[c]
     return own
 
 
 @compiled
-def _measure(g: np.ndarray, factor: np.ndarray, own: np.ndarray) -> None:
-    """Put L⁻ᵀ u in the place of each vertex's u; see ``simplex.solve_back``."""
+def _seen_axes(patch: Patch, own: np.ndarray) -> np.ndarray:
+    """See ``measured.seen_axis``: (n, d)."""
+    d = patch.axis.shape[1]
+    seen = np.zeros((len(own), d))
     for i in range(len(own)):
-        k = own[i]
-        if k < 0:
-            continue
-        u = g[i * len(g) // len(own) : (i + 1) * len(g) // len(own)]
-        u[0] = u[0] / factor[k, 0]
-        if len(u) == 2:
-            u[1] = (u[1] - factor[k, 1] * u[0]) / factor[k, 2]
+        vertex, u = patch.moving[i], seen[i]
+        u[:] = patch.axis[vertex]
+        if patch.dimension[vertex] == 1:
+            _see_through(patch.factor, own[i], u)
         else:
-            u[1] = (u[1] - factor[k, 1] * u[0]) / factor[k, 3]
-            u[2] = (u[2] - factor[k, 2] * u[0] - factor[k, 4] * u[1]) / factor[k, 5]
+            _solve_back(patch.factor, own[i], u)
+        length = u[0] * u[0]
+        for j in range(1, d):
+            length = length + u[j] * u[j]
+        length = np.sqrt(length)
+        for j in range(d):
+            u[j] = u[j] / length if length > 0.0 else 0.0
+    return seen
+
+
+@inlined
+def _solve_back(factor: np.ndarray, k: int, u: np.ndarray) -> None:
+    """Put L⁻ᵀ u in the place of u; see ``simplex.solve_back``."""
+    u[0] = u[0] / factor[k, 0]
+    if len(u) == 2:
+        u[1] = (u[1] - factor[k, 1] * u[0]) / factor[k, 2]
+    else:
+        u[1] = (u[1] - factor[k, 1] * u[0]) / factor[k, 3]
+        u[2] = (u[2] - factor[k, 2] * u[0] - factor[k, 4] * u[1]) / factor[k, 5]
 
 
 @compiled
-def _unmeasure(way: np.ndarray, factor: np.ndarray, own: np.ndarray) -> None:
-    """Put L⁻¹ u in the place of each vertex's u; see ``simplex.solve``."""
+def _measure(g: np.ndarray, patch: Patch, own: np.ndarray, seen: np.ndarray) -> None:
+    """Put the gradient by y in the place of that by x, see ``Measured.gradient``."""
+    d = patch.axis.shape[1]
     for i in range(len(own)):
-        k = own[i]
-        if k < 0:
-            continue
-        u = way[i * len(way) // len(own) : (i + 1) * len(way) // len(own)]
-        if len(u) == 2:
+        u, dimension = g[i * d : (i + 1) * d], patch.dimension[patch.moving[i]]
+        _solve_back(patch.factor, own[i], u)
+        if dimension < d:
+            _keep_within(u, dimension == 1, seen[i])
+
+
+@compiled
+def _unmeasure(way: np.ndarray, patch: Patch, own: np.ndarray) -> None:
+    """Put the move of x in the place of that of y, see ``Measured.move``."""
+    d, factor = patch.axis.shape[1], patch.factor
+    for i in range(len(own)):
+        k, u = own[i], way[i * d : (i + 1) * d]
+        if d == 2:
             u[1] = u[1] / factor[k, 2]
             u[0] = (u[0] - factor[k, 1] * u[1]) / factor[k, 0]
         else:
             u[2] = u[2] / factor[k, 5]
             u[1] = (u[1] - factor[k, 4] * u[2]) / factor[k, 3]
             u[0] = (u[0] - factor[k, 1] * u[1] - factor[k, 2] * u[2]) / factor[k, 0]
+    if len(own):
+        _project(way, patch)
 
 
 @compiled

@@ -17,6 +17,7 @@ import numpy as np
 from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.simplex import back_through, cross, dot, subtract, through
+from dvr_cli.relax.measured import Measured
 
 _CHUNK = 1 << 13  # corners evaluated at a time: what they take stays in the cache
 
@@ -24,7 +25,8 @@ _CHUNK = 1 << 13  # corners evaluated at a time: what they take stays in the cac
 class Energy:
     """The energy as a function of the displacements of some vertices, all others held.
 
-    Displacements are a flat array (m·d,), in units of the size of the elements around each vertex.
+    Displacements are a flat array (m·d,), in units of the size of the elements around each vertex. In a
+    metric both are measured through L of the vertex's first corner, see ``measured``.
     """
 
     def __init__(self, points: np.ndarray, corners: Corners, freedom: Freedom) -> None:
@@ -38,9 +40,16 @@ class Energy:
         self._corner = np.ascontiguousarray(self._corner.reshape(-1, d + 1).T)
         table, rows = corners.table, corners.shapes[touched, 0]
         self._norm = np.ascontiguousarray(table.norm[rows].T)
-        self._factor = np.ascontiguousarray(table.factor[rows].T) if len(table.factor) else None
         self._start = np.ascontiguousarray(points[vertices].T)
         self._here = np.searchsorted(vertices, self._moving)
+        self._factor, self._measured = None, None
+        if len(table.factor):
+            self._factor = np.ascontiguousarray(table.factor[rows].T)
+            first = np.empty(len(vertices), dtype=np.int64)
+            first[self._corner[:, ::-1]] = rows[::-1]  # that of the first corner is the last to be put
+            own = table.factor[first[self._here]].T
+            on_line, axis = freedom.dimension[self._moving] == 1, freedom.axis[self._moving]
+            self._measured = Measured.of(list(own), (on_line, list(axis.T)))
         size, self._unit = self._sizes()
         self._size = size[self._here]
         number = np.full(len(vertices), len(self._moving))
@@ -87,15 +96,18 @@ class Energy:
                 pull[i, 0, chunk] = total
         m = len(self._moving)
         sums = [np.bincount(self._target, row.ravel(), minlength=m + 1)[:m] for row in pull]
+        if self._measured is not None:
+            sums = self._measured.gradient(sums)
         gradient = np.stack(sums, axis=1) * self._size[:, None]
-        if self._freedom.axis.any():
+        if self._measured is None and self._freedom.axis.any():
             gradient = self._freedom.project(gradient, self._moving)
         return energy, gradient.ravel()
 
     def _at(self, displacements: np.ndarray) -> np.ndarray:
         """(d, n) the coordinates after ``displacements``."""
         x = self._start.copy()
-        x[:, self._here] += (displacements.reshape(-1, self.dimension) * self._size[:, None]).T
+        moves = (displacements.reshape(-1, self.dimension) * self._size[:, None]).T
+        x[:, self._here] += moves if self._measured is None else np.stack(self._measured.move(moves))
         return x
 
     def _sizes(self) -> tuple[np.ndarray, np.ndarray]:
