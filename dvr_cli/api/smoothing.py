@@ -20,7 +20,7 @@ from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.curved import straightened
 from dvr_cli.quality.limits import FAIR, Limit, limit_of
-from dvr_cli.quality.measure import Quality, mean_quality, measure
+from dvr_cli.quality.measure import Quality, mean_of_elements, measure
 from dvr_cli.quality.vector import at_least
 from dvr_cli.relax.directions import Entry, direction_field
 from dvr_cli.relax.engines.choice import choose_engine
@@ -182,7 +182,7 @@ def _record_means(
     """Record each sweep's mean element quality, by its number, before calling ``on_sweep``."""
 
     def after_sweep(sweep: Sweep) -> None:
-        mean[sweep.sweep] = mean_quality(domain, engine.points)
+        mean[sweep.sweep] = mean_of_elements(domain, engine.points)
         if on_sweep is not None:
             on_sweep(sweep)
 

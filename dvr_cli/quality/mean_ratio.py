@@ -13,8 +13,10 @@ import numpy as np
 from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.corners import Corners, Simplices
 from dvr_cli.mesh.simplex import Components, chunks, dot, edges_and_determinant, through
+from dvr_cli.mesh.sums import mean
 
 DEGENERATE = 1e-10  # |Q| up to which an element counts as degenerate rather than positive or inverted
+_EXPONENT = 1  # of two, which no quality reaches
 
 
 def weighted_norm(
@@ -62,6 +64,11 @@ def corner_qualities(
     if corners.held is not None:
         quality[corners.held] = 1.0
     return quality
+
+
+def mean_quality(qualities: np.ndarray) -> float:
+    """The mean of (n,) qualities, n > 0, in whatever order they are."""
+    return mean(qualities, _EXPONENT)
 
 
 def corner_terms(

@@ -9,7 +9,7 @@ import numpy as np
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.curved import curved_quality
-from dvr_cli.quality.mean_ratio import DEGENERATE, cell_normals, corner_qualities, turned_over
+from dvr_cli.quality.mean_ratio import DEGENERATE, cell_normals, corner_qualities, mean_quality, turned_over
 from dvr_cli.quality.measures import measured
 from dvr_cli.quality.vector import ring_minima
 
@@ -98,7 +98,7 @@ def measure(
         q1_element=_q1_element(domain, points, by_corner, touched, elements),
         fixed_cap=_fixed_cap(domain, by_corner, touched, elements, bad),
         minimum=float(elements.min()),
-        mean=float(elements.mean()),
+        mean=mean_quality(elements),
         quantiles=_quantiles(elements),
         inverted=int(turned.sum()),
         uncertain=int((curved.uncertain & ~turned[curved.element]).sum()),
@@ -121,10 +121,10 @@ def _fixed_cap(
     return cap if not len(held) else min(float(elements[held].min()), cap if cap is not None else np.inf)
 
 
-def mean_quality(domain: Domain, flat: np.ndarray) -> float:
+def mean_of_elements(domain: Domain, flat: np.ndarray) -> float:
     """The mean quality of the elements of a domain with coordinates ``flat`` (N, d)."""
     by_corner = _by_corner(domain, flat, None)
-    return float(domain.corners.by_cell(np.minimum, by_corner).mean())
+    return mean_quality(domain.corners.by_cell(np.minimum, by_corner))
 
 
 def _by_corner(domain: Domain, flat: np.ndarray, inverted: np.ndarray | None) -> np.ndarray:

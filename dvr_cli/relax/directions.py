@@ -12,12 +12,15 @@ from functools import partial
 
 import numpy as np
 
+from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.boundary.freedom import Freedom, unit
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.simplex import solve
+from dvr_cli.mesh.sums import mean
 from dvr_cli.quality.metric import factors_at_vertices
 from dvr_cli.relax.steepest import NARROWING, OPTIMAL, STEEPEST, Ascent
+from dvr_cli.relax.uniform import unit_vectors
 
 # (sweep k from 0, coordinates (n, d) of the relaxed vertices, their indices (n,)) -> (n, d), or how to find
 # the directions of a batch when its turn comes
@@ -72,27 +75,28 @@ def restrict_field(field: DirectionField, freedom: Freedom) -> DirectionField:
 
 
 def random_field(
-    dimension: int, n_points: int, seed: int, factor: np.ndarray | None = None
+    dimension: int, seed: int, factor: np.ndarray | None = None, backend: Backend = NUMPY
 ) -> DirectionField:
-    """Directions drawn uniformly anew for each vertex and sweep, from a generator keyed by (seed, sweep).
+    """Directions drawn uniformly anew for each vertex and sweep, by a generator keyed (seed, sweep, vertex).
 
-    factor: (N, d(d+1)/2) for each vertex the L of a metric, through which they are uniform.
+    factor: (N, d(d+1)/2) for each vertex the L of a metric, through which they are uniform. backend: what
+    computes; the result is the same.
     """
+    draw, key = backend.twin(unit_vectors), np.uint64(seed)
 
     def field(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-        generator = np.random.Generator(np.random.Philox(key=np.array([seed, sweep + 1], dtype=np.uint64)))
-        # drawn for every vertex of the mesh, so that a vertex's direction does not depend on I_R or its order
-        vectors = generator.standard_normal((n_points, dimension))[vertices]
-        if factor is not None:
-            vectors = np.stack(solve(factor[vertices].T, list(vectors.T)), axis=1)
-        return vectors / np.sqrt(np.square(vectors).sum(axis=1, keepdims=True))
+        vectors = np.empty((len(vertices), dimension))
+        draw(vertices.astype(np.int64, copy=False), key, np.uint64(sweep), vectors)
+        if factor is None:
+            return vectors
+        return unit(np.stack(solve(factor[vertices].T, list(vectors.T)), axis=1))
 
     return field
 
 
 def _random_of(domain: Domain, seed: int) -> DirectionField:
     """Random directions in a domain, through its metric if it has one."""
-    return random_field(domain.points.shape[1], len(domain.points), seed, factors_at_vertices(domain))
+    return random_field(domain.points.shape[1], seed, factors_at_vertices(domain), domain.backend)
 
 
 def constant_field(vector: np.ndarray) -> DirectionField:
@@ -185,7 +189,7 @@ def direction_field(
     """
     if not entries:
         raise UsageError("directions: none given")
-    middle = domain.points.mean(axis=0) if center is None else _in_domain(center, "center", domain)
+    middle = _centroid(domain.points) if center is None else _in_domain(center, "center", domain)
     around = None
     if domain.points.shape[1] == 3:
         around = _axis((0.0, 0.0, 1.0) if axis is None else axis)
@@ -198,6 +202,11 @@ def direction_field(
             turns.append(_flat_vectors(*_named_vectors(entry, point_data), domain))
     fields = [array_field(turn, len(turns)) if isinstance(turn, np.ndarray) else turn for turn in turns]
     return lambda sweep, points, vertices: fields[sweep % len(fields)](sweep, points, vertices)
+
+
+def _centroid(points: np.ndarray) -> np.ndarray:
+    """(d,) the mean of ``points`` (N, d), in whatever order they are."""
+    return np.array([mean(component) for component in points.T])
 
 
 def _named_vectors(entry: Entry, point_data: Mapping[str, np.ndarray]) -> tuple[np.ndarray, str]:

@@ -12,10 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvr_cli.quality.badness import badness_of
+from dvr_cli.quality.mean_ratio import mean_quality
 from dvr_cli.relax.care import Care
 from dvr_cli.relax.directions import DirectionField
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.polish import PLAIN, Aim
+from dvr_cli.relax.steepest import Ascent
 from dvr_cli.relax.stopping import Stopping, StopReason
 
 
@@ -81,8 +83,8 @@ def relax(
     while (reason := ended()) is None:
         sweep_start = time.perf_counter()
         moved = 0
-        directions = field(len(sweeps), engine.relaxed_points, engine.problem.relaxed)
         active = None if care is None else care.active
+        directions = _directions(field, len(sweeps), engine, active)
         for batch in range(engine.batches):
             moved += engine.move_batch(batch, directions, active, enough)
             if (cut := cut_short(start, stopping, interrupted)) is not None:
@@ -99,6 +101,21 @@ def relax(
     return Relaxation(engine.points, sweeps, reason)
 
 
+def _directions(
+    field: DirectionField, sweep: int, engine: Engine, active: np.ndarray | None
+) -> np.ndarray | Ascent:
+    """The directions (m, d) of a sweep; zero for rings that are not ``active`` ((m,) bool, None for all)."""
+    points, vertices = engine.relaxed_points, engine.problem.relaxed
+    if active is None:
+        return field(sweep, points, vertices)
+    found = field(sweep, points[active], vertices[active])
+    if isinstance(found, Ascent):
+        return found
+    directions = np.zeros_like(points)
+    directions[active] = found
+    return directions
+
+
 def polish(
     engine: Engine,
     floor: float,
@@ -109,7 +126,7 @@ def polish(
     phase: str = "polish",
     aim: Aim = PLAIN,
     below: float = np.inf,
-    measure: Callable[[np.ndarray], float] = np.mean,
+    measure: Callable[[np.ndarray], float] = mean_quality,
 ) -> Relaxation:
     """Raise the mean quality from where the engine is, with no quality that is above the floor falling below.
 
@@ -121,7 +138,7 @@ def polish(
     """
     limit = badness_of(floor, engine.problem.dimension)
     start = time.perf_counter()
-    reached = float(measure(engine.qualities()))
+    reached = measure(engine.qualities())
     sweeps: list[Sweep] = []
     while len(sweeps) < stopping.max_iterations:
         sweep_start = time.perf_counter()
@@ -131,14 +148,13 @@ def polish(
             moved += engine.polish_batch(batch, engine.mean_ascent(batch, aim, active), limit, aim)
             if (cut := cut_short(start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
-        qualities = engine.qualities()
-        growth, reached = float(measure(qualities)) - reached, float(measure(qualities))
-        mean = float(qualities.mean())
+        qualities, before = engine.qualities(), reached
+        reached, mean = measure(qualities), mean_quality(qualities)
         seconds = time.perf_counter() - sweep_start
         sweeps.append(Sweep(done + len(sweeps) + 1, phase, float(qualities.min()), moved, seconds, mean))
         if on_sweep is not None:
             on_sweep(sweeps[-1])
-        if growth < stopping.tol:
+        if reached - before < stopping.tol:
             return Relaxation(engine.points, sweeps, StopReason.CONVERGED)
     return Relaxation(engine.points, sweeps, StopReason.MAX_ITERATIONS)
 

@@ -156,7 +156,7 @@ def test_the_vector_relative_to_the_targets_never_decreases(name):
         pytest.fail("the mesh should have vertices to relax")
     engine = ENGINES["numpy"].make(build_problem(domain.corners, relaxed, domain.points), 1)
     engine.load(domain.points)
-    field = random_field(domain.dimension, len(domain.points), 0)
+    field = random_field(domain.dimension, 0)
     before = measure(domain, domain.points, relaxed).vector
     for sweep in range(4):
         directions = field(sweep, engine.relaxed_points, engine.problem.relaxed)
