@@ -143,7 +143,7 @@ REGISTRY = (
         reader="medit",
         converter="medit",
         versions="1 to 4; text and binary",
-        refused="second-order prisms and pyramids, such hexahedra without a list of the order of nodes",
+        refused="second-order hexahedra, prisms and pyramids without a list of the order of their nodes",
         regions="references",
         checked_by=("gmsh", "mmgpy"),
     ),

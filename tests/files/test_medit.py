@@ -249,6 +249,48 @@ def test_nodes_of_hexahedra_in_the_order_that_the_file_lists():
             assert mesh.points[node].tolist() == corners[list(around)].mean(axis=0).tolist()
 
 
+@pytest.mark.parametrize(
+    ("name", "cell_type", "corners", "n_corners"),
+    [  # corners in Bézier's indices: those of triangles, and the height of a prism
+        ("PrismsP2", "wedge18", "200 020 002", 6),
+        ("PyramidsP2", "pyramid14", "000 200 220 020 002", 5),
+    ],
+)
+def test_nodes_of_prisms_and_pyramids_in_the_order_that_the_file_lists(name, cell_type, corners, n_corners):
+    """Every node lies where its indices say, so that each middle is the mean of the corners around it."""
+    places = [tuple(map(int, word)) for word in corners.split()]
+    if name == "PrismsP2":
+        places = [(*corner, z) for z in (0, 2) for corner in places]
+    mids = CELL_TYPES[cell_type].mids
+    nodes = places + [tuple(np.mean([places[i] for i in around], axis=0).astype(int)) for around in mids]
+    order = np.random.default_rng(3).permutation(len(nodes))
+    listed = [nodes[i] for i in order]
+    text = f"MeshVersionFormatted 2 Dimension 3 Vertices {len(nodes)}\n"
+    text += "".join(f"{row[-3]} {row[-2]} {row[-1]} 0\n" for row in listed)
+    text += f"{name}Ordering {len(nodes)} {' '.join(str(i) for row in listed for i in row)}\n"
+    text += f"{name} 1 {' '.join(str(i + 1) for i in range(len(nodes)))} 7\nEnd\n"
+    mesh = medit.read(text.encode()).mesh
+    (block,) = mesh.cells
+    assert block.type == cell_type
+    found = mesh.points[block.vertices[0]]
+    assert found[:n_corners].tolist() == [list(map(float, row[-3:])) for row in places]
+    for around, middle in zip(mids, found[n_corners:], strict=True):
+        assert middle.tolist() == found[list(around)].mean(axis=0).tolist()
+
+
+def test_linear_cells_in_the_order_that_the_file_lists():
+    """Hexahedra whose nodes run along x, y and z, and tetrahedra in the usual order."""
+    head = "MeshVersionFormatted 2 Dimension 3 Vertices 8\n"
+    grid = [(x, y, z) for z in range(2) for y in range(2) for x in range(2)]
+    head += "".join(f"{x} {y} {z} 0\n" for x, y, z in grid)
+    order = "HexahedraQ1Ordering 8 " + " ".join(f"{x} {y} {z}" for x, y, z in grid)
+    tetrahedra = "TetrahedraP1Ordering 4 1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1 Tetrahedra 1 1 2 3 5 1\n"
+    text = f"{head}{order}\n{tetrahedra}Hexahedra 1 1 2 3 4 5 6 7 8 4 End"
+    mesh = medit.read(text.encode()).mesh
+    found = {block.type: block.vertices.tolist() for block in mesh.cells}
+    assert found == {"tetra": [[0, 1, 2, 4]], "hexahedron": [[0, 1, 3, 2, 4, 5, 7, 6]]}
+
+
 def test_nodes_of_quadrilaterals_in_the_order_that_the_file_lists():
     head = "MeshVersionFormatted 2 Dimension 2 Vertices 9 "
     head += "".join(f"{x} {y} 0 " for y in range(3) for x in range(3))
@@ -291,7 +333,8 @@ def test_nodes_of_quadrilaterals_in_the_order_that_the_file_lists():
         (FAN.replace("End", "TrianglesP3 0"), "cells of order 3 or 4 (section TrianglesP3)"),
         (FAN.replace("End", "ExtraVerticesAtEdges 0"), "nodes of curved cells apart from them"),
         (FAN.replace("End", "TrianglesP2 0 TrianglesP2Ordering 1 1 2 3"), "does not list the 6 nodes"),
-        (FAN.replace("End", "PrismsP2 0 PrismsP2Ordering 0"), "an order of nodes of its own"),
+        (FAN.replace("End", "PrismsP2 0 PrismsP2Ordering 0"), "does not list the 18 nodes"),
+        (FAN.replace("End", "TrianglesP1Ordering 3 1 0 0  0 1 0  0 1 0"), "does not list the 3 nodes"),
         *(
             (FAN.replace("End", f"{name} 1 {'1 ' * n} 0"), f"programs order the nodes of {name} differently")
             for name, n in (("PyramidsP2", 14), ("PrismsP2", 18), ("HexahedraQ2", 27))

@@ -27,6 +27,8 @@ ELEMENTS = {keyword: (name, CELL_TYPES[name].nodes) for keyword, name in _CELLS.
 
 _SQUARE = [(0, 0), (2, 0), (2, 2), (0, 2)]
 _CUBE = [(x, y, z) for z in (0, 2) for x, y in _SQUARE]
+_PYRAMID = [*((x, y, 0) for x, y in _SQUARE), (0, 0, 2)]
+_PRISM = [(*corner, z) for z in (0, 2) for corner in ((2, 0, 0), (0, 2, 0), (0, 0, 2))]
 
 
 def _with_middles(corners: list[tuple[int, ...]], cell_type: str) -> list[tuple[int, ...]]:
@@ -39,7 +41,8 @@ def _with_middles(corners: list[tuple[int, ...]], cell_type: str) -> list[tuple[
 
 
 # For types whose nodes a file may list in an order of its own: the place of each node, in meshio's order, as
-# such a list gives it. That is twice the barycentric coordinates, or coordinates from 0 to 2.
+# such a list gives it. These are indices of Bézier's control points: twice the barycentric coordinates, or
+# coordinates from 0 to 2; both for prisms.
 ORDERINGS: dict[str, list[tuple[int, ...]]] = {
     "EdgesP2": [(0,), (2,), (1,)],
     "TrianglesP2": [(2, 0, 0), (0, 2, 0), (0, 0, 2), (1, 1, 0), (0, 1, 1), (1, 0, 1)],
@@ -49,7 +52,18 @@ ORDERINGS: dict[str, list[tuple[int, ...]]] = {
     ],
     "QuadrilateralsQ2": _with_middles([*_SQUARE], "quad9"),
     "HexahedraQ2": _with_middles([*_CUBE], "hexahedron27"),
+    "PyramidsP2": _with_middles([*_PYRAMID], "pyramid14"),
+    "PrismsP2": _with_middles([*_PRISM], "wedge18"),
 }
+# Element: the section that lists the order of its nodes.
+LISTED = {name: f"{name}Ordering" for name in ORDERINGS}
+# So for linear cells, whose coordinates go to 1.
+for _name in list(ORDERINGS):
+    _linear = _name[:-2]
+    _corners = ORDERINGS[_name][: ELEMENTS[_linear][1]]
+    ORDERINGS[_linear] = [tuple(place // 2 for place in corner) for corner in _corners]
+    LISTED[_linear] = f"{_name[:-1]}1Ordering"
+
 # Types whose nodes beside the corners programs list in different orders.
 DISPUTED = ("PyramidsP2", "PrismsP2", "HexahedraQ2")
 
@@ -149,6 +163,13 @@ NAMES: dict[int, str] = {
     135: "PyramidsP2Ordering",
     137: "PrismsP2Ordering",
     139: "HexahedraQ2Ordering",
+    141: "EdgesP1Ordering",
+    143: "TrianglesP1Ordering",
+    145: "QuadrilateralsQ1Ordering",
+    147: "TetrahedraP1Ordering",
+    149: "PyramidsP1Ordering",
+    151: "PrismsP1Ordering",
+    153: "HexahedraQ1Ordering",
     PRECISION: "FloatingPointPrecision",
 }
 

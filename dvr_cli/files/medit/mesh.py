@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.medit.keywords import DISPUTED, ELEMENTS, ORDERINGS, UNSUPPORTED
+from dvr_cli.files.medit.keywords import DISPUTED, ELEMENTS, LISTED, ORDERINGS, UNSUPPORTED
 from dvr_cli.mesh.mesh import Cells, Mesh
 
 _HELD = ("Corners", "RequiredVertices")
@@ -98,14 +98,13 @@ def _cells(file: MeditFile, name: str, rows: np.ndarray) -> Cells:
     """Elements with their nodes in meshio's order, counted from 0."""
     cell_type, n_nodes = ELEMENTS[name]
     vertices = rows[:, :-1] - 1
-    listed = f"{name}Ordering"
+    listed = LISTED.get(name, "")
     if listed not in file.sections:
         if name in DISPUTED and len(rows):
-            remedy = f": only with a section {listed}" if name in ORDERINGS else ""
-            raise InputError(f"programs order the nodes of {name} differently: not supported{remedy}")
+            raise InputError(
+                f"programs order the nodes of {name} differently: supported with a section {listed} only"
+            )
         return Cells(cell_type, np.ascontiguousarray(vertices))
-    if name not in ORDERINGS:
-        raise InputError(f"an order of nodes of its own (section {listed}) is not supported")
     usual = ORDERINGS[name]
     given = [tuple(row) for row in file.integers(listed, len(usual[0])).tolist()]
     if sorted(given) != sorted(usual):
