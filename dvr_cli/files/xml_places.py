@@ -5,6 +5,7 @@ Shared by the formats written in XML (VTU, VTP, XDMF). expat, which finds the pl
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from dvr_cli.errors import InputError
 
 _ATTRIBUTE = re.compile(rb"\s+([^\s=/>]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 _START_TAG = re.compile(rb"<[^\s/>]+(?:\s+[^\s=/>]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*\s*(/?)>")
+_REFERENCE = re.compile(rb"&([\w.-]+);")
 _WIDE = (b"\xff\xfe", b"\xfe\xff", b"\x00<", b"<\x00")  # how UTF-16 begins
 
 
@@ -59,12 +61,13 @@ class _Stop(Exception):
     """Parsing ends here, as what follows is no XML."""
 
 
-def parse(data: bytes, stop: str | None = None) -> Element:
+def parse(data: bytes, stop: str | None = None, entities: bool = False) -> Element:
     """The root element of an XML file, with all elements in it.
 
     stop: the name of an element at whose start tag parsing ends, as what is in it need not be XML; it and
         those around it end where the file does.
-    Raises InputError for what is no XML, for encodings of two bytes a character and declared entities.
+    entities: whether the file may declare entities that are plain text, see ``resolved``.
+    Raises InputError for what is no XML, for encodings of two bytes a character and other entities.
     """
     if data.startswith(_WIDE):
         raise InputError("XML in UTF-16 is not supported; save it as UTF-8")
@@ -89,8 +92,9 @@ def parse(data: bytes, stop: str | None = None) -> Element:
             element.end_tag = parser.CurrentByteIndex
             element.end = data.index(b">", element.end_tag) + 1
 
-    def entity(*declaration: object) -> None:
-        raise InputError("XML entities declared in the file are not supported")
+    def entity(name: str, of_dtd: bool, value: str | None, *declaration: object) -> None:
+        if not entities or of_dtd or value is None or set(value) & set("&%<:"):
+            raise InputError("XML entities declared in the file are not supported")
 
     parser.StartElementHandler = start
     parser.EndElementHandler = end
@@ -109,6 +113,26 @@ def parse(data: bytes, stop: str | None = None) -> Element:
     except ValueError as error:  # an encoding that expat does not know
         raise InputError(f"damaged XML: {error}") from error
     return root.children[0]
+
+
+def resolved(data: bytes, text: bytes) -> bytes:
+    """A text of the file ``data``, which ``parse`` has read, with the entities replaced that it declares."""
+    if b"&" not in text:
+        return text
+    declared: dict[bytes, bytes] = {}
+
+    def entity(name: str, of_dtd: bool, value: str | None, *declaration: object) -> None:
+        declared.setdefault(name.encode(), (value or "").encode())
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        raise _Stop
+
+    parser = expat.ParserCreate()
+    parser.EntityDeclHandler = entity
+    parser.StartElementHandler = start
+    with contextlib.suppress(_Stop):
+        parser.Parse(data, True)
+    return _REFERENCE.sub(lambda match: declared.get(match[1], match[0]), text)
 
 
 def attribute_place(data: bytes, element: Element, name: str) -> tuple[int, int]:

@@ -292,6 +292,74 @@ def test_pipes_are_refused(tmp_path):
         Output(open_mesh(path), Path("-"))
 
 
+PETSC = """<?xml version="1.0" ?>
+<!DOCTYPE Xdmf SYSTEM "Xdmf.dtd" [
+<!-- <!ENTITY HeavyData "other.h5"> -->
+<!ENTITY HeavyData "mesh.h5">
+]>
+<Xdmf><Domain Name="domain">
+<DataItem Name="cells" ItemType="Uniform" Format="HDF" NumberType="Float" Precision="8" Dimensions="5 3">
+  &HeavyData;:/viz/topology/cells
+</DataItem>
+<DataItem Name="vertices" Format="HDF" Dimensions="6 3">&HeavyData;:/geometry/vertices</DataItem>
+<Grid Name="domain" GridType="Uniform">
+<Topology TopologyType="Triangle" NumberOfElements="5">
+<DataItem Reference="XML">/Xdmf/Domain/DataItem[@Name="cells"]</DataItem>
+</Topology>
+<Geometry GeometryType="XYZ"><DataItem Reference="/Xdmf/Domain[1]/DataItem[2]"/></Geometry>
+</Grid></Domain></Xdmf>
+"""
+
+
+def by_petsc(folder: Path, text: str = PETSC) -> Path:
+    """As petsc_gen_xdmf.py writes it: cells as floating-point numbers, entities and references."""
+    with h5py.File(folder / "mesh.h5", "w") as file:
+        file["viz/topology/cells"] = TRIANGLES.astype(float)
+        file["geometry/vertices"] = POINTS
+    path = folder / "petsc.xmf"
+    path.write_text(text)
+    return path
+
+
+def test_references_and_entities_are_followed(tmp_path):
+    path = by_petsc(tmp_path)
+    source = open_mesh(path)
+    assert source.mesh.points.tolist() == POINTS.tolist()
+    assert source.mesh.cells[0].vertices.tolist() == TRIANGLES.tolist()
+    write(source, tmp_path / "new.xmf", MOVED)
+    assert (tmp_path / "new.xmf").read_text() == PETSC.replace(
+        "&HeavyData;:/geometry", "new.h5:/geometry"
+    ).replace("&HeavyData;:/viz", "new.h5:/viz")
+    again = open_mesh(tmp_path / "new.xmf").mesh
+    assert again.points.tolist() == MOVED.tolist()
+    assert again.cells[0].vertices.tolist() == TRIANGLES.tolist()
+    assert open_mesh(path).mesh.points.tolist() == POINTS.tolist()
+    write(open_mesh(path), path, MOVED)  # in place
+    assert path.read_text() == PETSC
+    assert open_mesh(path).mesh.points.tolist() == MOVED.tolist()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ('[@Name="cells"]', '[@Name="cell"]', "refers to another"),
+        ('[@Name="cells"]', "", "refers to another"),  # there are two
+        ('[@Name="cells"]', "[position()=1]", "refers to another"),
+        ("DataItem[2]", "DataItem[3]", "refers to another"),
+        ('"mesh.h5">', '"&other;">', "entities declared"),
+        ('"mesh.h5">', '"mesh.h5:/viz">', "entities declared"),
+        ('"mesh.h5">', 'SYSTEM "mesh.h5">', "entities declared"),
+        ("!ENTITY HeavyData", "!ENTITY % HeavyData", "entit"),
+        ('!ENTITY HeavyData "mesh.h5"', '!ENTITY Other "mesh.h5"', "&HeavyData; is missing"),
+    ],
+)
+def test_other_references_and_entities_are_refused(tmp_path, old, new, why):
+    assert old in PETSC
+    at = PETSC.rindex(old)
+    with pytest.raises(InputError, match=why):
+        open_mesh(by_petsc(tmp_path, PETSC[:at] + new + PETSC[at + len(old) :]))
+
+
 @pytest.mark.parametrize("beside", [True, False])
 def test_other_formats_become_files_that_vtk_reads(tmp_path, monkeypatch, beside):
     """The arrays are in an HDF5 file; without h5py, as simulated here, they are text."""

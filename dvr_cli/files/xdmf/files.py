@@ -14,7 +14,7 @@ def references(data: bytes) -> set[str]:
     """The files that the DataItems of an XDMF file name, as they name them; none if it cannot be read."""
     found = set()
     try:
-        for element in parse(data).walk():
+        for element in parse(data, entities=True).walk():
             if element.name == "DataItem" and not element.children and "Reference" not in element.attributes:
                 found.add(item_of(data, element).file)
     except InputError:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from dvr_cli.errors import InputError
 from dvr_cli.files.numbers_in_text import shown
+from dvr_cli.files.xdmf.references import follow_references
 from dvr_cli.files.xml_places import Element, parse
 
 _POINTS = {"xyz": 3, "xy": 2, "x_y_z": 3, "x_y": 2}
@@ -34,9 +35,10 @@ class Grids:
 
 def grids_of(data: bytes) -> Grids:
     """The grids of a file; raises InputError where they are not one mesh."""
-    root = parse(data)
+    root = parse(data, entities=True)
     if root.name != "Xdmf":
         raise InputError(f"not an XDMF file: it begins with {shown(root.name)}")
+    follow_references(data, root)
     result = Grids()
     topologies: dict[bytes, list[Element]] = {}
     for grid, in_time in _leaves(root):

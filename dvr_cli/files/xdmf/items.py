@@ -12,7 +12,7 @@ import numpy as np
 from dvr_cli.errors import InputError
 from dvr_cli.files.numbers_in_text import parse_numbers, shown
 from dvr_cli.files.xdmf.hdf5 import read_dataset
-from dvr_cli.files.xml_places import Edit, Element
+from dvr_cli.files.xml_places import Edit, Element, resolved
 
 _KINDS = {"float": "f", "int": "i", "uint": "u", "char": "i", "uchar": "u"}
 _MOST = 1 << 50  # larger counts can only come from damage
@@ -64,7 +64,7 @@ def item_of(data: bytes, element: Element) -> Item:
 def text_of(data: bytes, element: Element) -> str:
     """The text of an element without blanks around it."""
     begin, end = element.text
-    return unescape(data[begin:end].decode("utf-8", "replace").strip())
+    return unescape(resolved(data, data[begin:end]).decode("utf-8", "replace").strip())
 
 
 def read_item(data: bytes, item: Item, beside: Callable[[str], bytes]) -> np.ndarray:

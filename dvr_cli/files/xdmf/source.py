@@ -162,7 +162,7 @@ class XdmfSource(Source):
                 if self._dtype(part) != part.values.dtype:
                     edits += _as_double(data, item.element)
         names = {name: new for name, new in self._places().items() if name != new}
-        for element in parse(data).walk() if names else ():
+        for element in parse(data, entities=True).walk() if names else ():
             if element.name == "DataItem" and not element.children and "Reference" not in element.attributes:
                 item = item_of(data, element)
                 edits += [renamed(data, item, names[item.file])] if item.file in names else []
