@@ -22,6 +22,9 @@ _BLOCK = 1 << 22  # bytes looked at in one go when counting tokens
 _CHUNK = 1 << 16  # tokens replaced in one go when writing
 
 
+_ROWS_ALIKE = 3  # rows that tell how long another one is at least
+
+
 def is_blank(characters: np.ndarray) -> np.ndarray:
     """A mask of the uint8 ``characters`` (any shape) that are white space."""
     return _BLANK[characters]
@@ -86,6 +89,12 @@ def end_of_tokens(data: bytes, begin: int, count: int) -> int | None:
             return blank.start() if blank else len(data)
         count -= found
     return None
+
+
+def is_cut(rows: list[bytes]) -> bool:
+    """True if the last of some rows of one kind is shorter than all others, three at least."""
+    *others, last = [len(row.strip()) for row in rows if row.strip()] or [0]
+    return len(others) >= _ROWS_ALIKE and last < min(others)
 
 
 def write_replaced(

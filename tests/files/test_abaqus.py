@@ -251,6 +251,23 @@ def test_message_names_what_is_wrong(old, new, message):
     assert "\n" not in str(caught.value)
 
 
+def test_a_last_row_that_breaks_off_is_refused(tmp_path):
+    """Seen where it has no line end and is shorter than all others, in the deck or in what it includes."""
+    nodes = "*NODE\n" + "".join(
+        f"{i}, {x}, {y}\n" for i, x, y in [(1, 0, 0), (2, 1, 0), (3, 1, 1), (4, 0, 1)]
+    )
+    rows = "12, .5, .5\n*ELEMENT, TYPE=CPS3\n1, 1, 2, 12\n2, 2, 3, 12\n3, 3, 4, 12\n4, 4, 1, 12"
+    for whole in (nodes + rows, nodes + rows + "\n", nodes + rows[:-1] + "\n"):
+        opened(whole)
+    message = r"line 11: it breaks off within a row of \*ELEMENT, which is shorter .* end that line"
+    with pytest.raises(InputError, match=message):
+        opened((nodes + rows)[:-1])
+    (tmp_path / "rows.inc").write_text(rows[:-1])
+    (tmp_path / "deck.inp").write_text(f"{nodes}*INCLUDE, INPUT=rows.inc\n*STEP\n*END STEP\n")
+    with pytest.raises(InputError, match=r"rows\.inc, line 6: it breaks off"):
+        open_mesh(tmp_path / "deck.inp")
+
+
 def test_nodes_given_twice_at_one_place_move_together():
     text = FLAT.replace("*ELEMENT", "*NODE, NSET=AGAIN\n900, 1.60, 1.5\n*ELEMENT", 1)
     source = opened(text)

@@ -504,6 +504,9 @@ def test_refused_with_one_line_that_says_why(deck, words):
     assert str(caught.value).isprintable()
 
 
+CUT_GRIDS = [(1, 0.0, 0.0), (2, 1.0, 0.0), (3, 1.0, 1.0), (4, 0.0, 1.0)]
+
+
 class TestIncludes:
     MAIN = (
         b"SOL 101\nCEND\nBEGIN BULK\nINCLUDE 'sub/grids.inc' $ nodes\n"
@@ -511,6 +514,20 @@ class TestIncludes:
     )
     GRIDS = BODY[: BODY.index(b"CTRIA")].rstrip()
     PROPS = b"PSHELL,1,1,.1\nMAT1,1,2.+5,,.3\n"
+
+    def test_one_that_breaks_off_in_its_last_line_is_refused(self, deck):
+        """Seen where that line, which has no end, is shorter than all others of its card."""
+        columns = "".join(f"{'GRID':<8}{i:<16}{x:<8}{y:<8}0.375\n" for i, x, y in CUT_GRIDS)
+        part = deck.parent / "sub" / "grids.inc"
+        part.write_text(columns)
+        assert len(open_mesh(deck).mesh.points) == 4
+        part.write_text(columns.rstrip())
+        assert len(open_mesh(deck).mesh.points) == 4
+        part.write_text(columns.rstrip()[:-2])
+        with pytest.raises(InputError, match=r"sub/grids\.inc breaks off within its last line"):
+            open_mesh(deck)
+        part.write_text(columns.rstrip()[:-2] + "\n")
+        assert open_mesh(deck).mesh.points[3].tolist() == [0, 1, 0.3]
 
     @pytest.fixture
     def deck(self, tmp_path):

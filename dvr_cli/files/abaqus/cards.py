@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.numbers_in_text import inside_spans, shown
+from dvr_cli.files.numbers_in_text import inside_spans, is_cut, shown
 from dvr_cli.files.source import InputFile
 
 _NEWLINE, _STAR = ord("\n"), ord("*")
 _DEEPEST = 32  # files that include one another
-_WITH_DATA_ELSEWHERE = ("NODE", "ELEMENT", "NSET", "ELSET")
+_WITH_ROWS = ("NODE", "ELEMENT", "NSET", "ELSET")  # of numbers, which may be in another file
 _OPTION = re.compile(r'(?:"[^"]*"|[^",])+')
 # What goes on behind a comma at the end of a keyword line: an option, not the first data line.
 _MORE_OPTIONS = re.compile(
@@ -121,6 +121,12 @@ class DeckFile:
         """The number, from 1, of the line at a position."""
         return int(np.searchsorted(self._starts, position, side="right"))
 
+    def breaks_off(self, begin: int, end: int) -> bool:
+        """True if rows end with the file, in one that has no end and is shorter than all others."""
+        if end != len(self.text) or self.data.endswith((b"\n", b"\r")):
+            return False
+        return is_cut(self.text[begin:end].tobytes().splitlines())
+
     def blank(self, begin: int, end: int) -> bool:
         """True if nothing stands between two positions."""
         return not self.text[begin:end].tobytes().strip()
@@ -165,7 +171,7 @@ class Deck:
             else:
                 card = Card(keyword, options, line)
                 self.cards.append(card)
-                if options.get("INPUT") and keyword in _WITH_DATA_ELSEWHERE:
+                if options.get("INPUT") and keyword in _WITH_ROWS:
                     other = self._opened(line, keyword, options["INPUT"])
                     if self.files[other].keyword_lines():
                         where = self.place(number, begin)
@@ -179,7 +185,13 @@ class Deck:
             return
         if not self.cards:
             raise InputError(f"{self.place(piece.file, piece.begin)}: no keyword (as *NODE) stands before it")
-        self.cards[-1].data.append(piece)
+        card, file = self.cards[-1], self.files[piece.file]
+        if card.keyword in _WITH_ROWS and file.breaks_off(piece.begin, piece.end):
+            raise InputError(
+                f"{self.place(piece.file, piece.end - 1)}: it breaks off within a row of *{card.keyword}, "
+                "which is shorter than all others: truncated; if it is whole, end that line"
+            )
+        card.data.append(piece)
 
     def _parsed(self, number: int, begin: int, end: int) -> tuple[str, dict[str, str]]:
         text = self.files[number].text[begin:end].tobytes().decode("utf-8", "replace")

@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.numbers_in_text import shown
+from dvr_cli.files.numbers_in_text import is_cut, shown
 from dvr_cli.files.source import InputFile
 
 _INCLUDE = re.compile(
     rb"^[ \t]*include\b[ \t]*=?[ \t]*(?:'([^']*)'|\"([^\"]*)\"|([^\s'\"$]+))", re.IGNORECASE | re.MULTILINE
 )
+_HEAD = re.compile(rb"[A-Za-z]\w*\*?|[+*]")  # the name of a card, or the mark of a line that goes on
 _DEEPEST = 16  # files that include one another
 
 
@@ -79,6 +80,11 @@ class Assembly:
         text = part.data if b"\n" in part.data else part.data.replace(b"\r", b"\n")
         lower = text.lower()
         end = next(statements(lower, b"enddata"), len(text))
+        if part.name is not None and end == len(text) and _breaks_off(text):
+            raise InputError(
+                f"{part.name} breaks off within its last line, which is shorter than all like it: truncated; "
+                "if it is whole, end that line"
+            )
         done = 0
         for match in _INCLUDE.finditer(text, 0, end) if b"include" in lower else ():
             self._append(number, done, text[done : match.start()] + re.sub(rb"[^\r\n]", b" ", match[0]))
@@ -92,6 +98,17 @@ class Assembly:
     def _append(self, part: int, offset: int, piece: bytes) -> None:
         self._segments.append((sum(map(len, self._pieces)), part, offset))
         self._pieces.append(piece)
+
+
+def _breaks_off(text: bytes) -> bool:
+    """True if the last line has no end and is shorter than all that begin with the same word or mark."""
+    if text.endswith(b"\n"):
+        return False
+    lines = [line.split(b"$")[0].rstrip() for line in text.split(b"\n")]
+    head = _HEAD.match(lines[-1])
+    return head is not None and is_cut(
+        [line for line in lines if (m := _HEAD.match(line)) and m[0] == head[0]]
+    )
 
 
 def _name(quoted: bytes) -> str:
