@@ -224,7 +224,11 @@ class _File:
         known = np.isin(types, list(TYPES))
         if not known.all():
             row = int(np.argmin(known))
-            self._refuse_row(rows, filled[row], f"cell type {types[row]} is not known")
+            order, of = divmod(int(types[row]), 100)
+            why = "is not known"
+            if order > 0 and of in TYPES:  # as SU2's finite elements have them
+                why = f"is a {TYPES[of]} of order {order + 1}, which is not supported"
+            self._refuse_row(rows, filled[row], f"cell type {types[row]} {why}")
         short = rows.counts[filled] < 1 + _SIZES[types]
         if short.any():
             row = int(short.argmax())
