@@ -138,11 +138,12 @@ def mesh_quality(
     quality = measure(domain, mesh.points, moves.relaxed, worst)
     mode = "auto" if metric is None else "metric"
     stretched = ShapeUse(mode, shapes.kept, shapes.max_aspect) if shapes.kept or metric else None
+    relative = measure(shapes.domain, mesh.points, moves.relaxed) if metric is None and shapes.kept else None
     summary = summarise(mesh, domain, moves.constraints)
     geometry = Geometry(domain, mesh.points)
     by = None if by_measure is None else distribution(geometry, CELL_MEASURES[by_measure], worst)
     others, kept = summaries(geometry), shapes.kept_cells
-    return QualityReport(summary, len(moves.relaxed), quality, stretched, others, by, kept)
+    return QualityReport(summary, len(moves.relaxed), quality, stretched, others, by, kept, relative)
 
 
 def compare_meshes(meshes: Sequence[Mesh], metric: MetricSource | None = None) -> Comparison:

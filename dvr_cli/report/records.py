@@ -97,6 +97,7 @@ class QualityReport:
     stretched: the cells that ``--shape auto`` would keep, or the metric; None if there is neither. measures:
     those beside the mean ratio. by: the cells by the measure that was asked for, None for the mean ratio.
     kept: (n,) bool, which of the domain's cells would be kept, None if there are none.
+    relative: where there are some, the qualities relative to their shapes, as ``dvr smooth`` gives them.
     """
 
     mesh: MeshSummary
@@ -106,6 +107,7 @@ class QualityReport:
     measures: list[Summary] = field(default_factory=list)
     by: Distribution | None = None
     kept: np.ndarray | None = None
+    relative: Quality | None = None
 
     @property
     def distribution(self) -> Distribution:
@@ -122,6 +124,7 @@ class QualityReport:
             "units": _units(),
             "quality": _quality_record(self.quality),
             "stretched": None if self.stretched is None else asdict(self.stretched),
+            "relative": None if self.relative is None else _quality_record(self.relative),
             "measures": {summary.measure.name: _summary_record(summary) for summary in self.measures},
             "by_measure": None if self.by is None else _distribution_record(self.by),
             "quality_vector": self.quality.vector.tolist(),

@@ -65,7 +65,15 @@ def shape_notes(report: QualityReport) -> list[str]:
     use = report.stretched
     if use is None:
         return []
-    return [_in_metric(use) if use.mode == "metric" else f"{_stretched(use)}, which dvr smooth keeps"]
+    if use.mode == "metric" or report.relative is None:
+        return [_in_metric(use)]
+    plain, relative = report.quality, report.relative
+    q1, cap = (
+        f"{_digits(own)} (plain: {_digits(ideal)})"
+        for own, ideal in ((relative.q1, plain.q1), (relative.fixed_cap, plain.fixed_cap))
+    )
+    relation = f"relative to their own shape Q1 is {q1}, the fixed cap {cap}"
+    return [f"{_stretched(use)}, which dvr smooth keeps; {relation}"]
 
 
 def smooth_text(report: SmoothReport, source: str, output: str, width: int | None = None) -> str:
@@ -176,6 +184,8 @@ def _kept(report: SmoothReport) -> list[str]:
             "(--shape ideal would change them)"
         )
     return [
+        _row("plain Q1", before.q1, after.q1),
+        _row("plain fixed cap", before.fixed_cap, after.fixed_cap),
         _row("plain worst", before.minimum, after.minimum),
         _row("plain mean", before.mean, after.mean),
         why,
@@ -392,7 +402,7 @@ def _with_remark(row: str, remark: str, width: int) -> list[str]:
 
 def _row(label: str, *values: Value | str) -> str:
     cells = (value if isinstance(value, str) else _digits(value, label) for value in values)
-    return f"  {label:<{_LABEL}}" + "".join(f"{cell:>{_VALUE}}" for cell in cells)
+    return f"  {label:<{_LABEL}}" + "".join(f" {cell:>{_VALUE - 1}}" for cell in cells)
 
 
 def _digits(value: Value, label: str = "") -> str:

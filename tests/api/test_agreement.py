@@ -46,6 +46,11 @@ def assert_agreement(mesh):
     assert np.array_equal(report.quality.vertices, before.vertices)
     assert np.array_equal(report.quality.vector, before.vector)
     assert report.mesh == smoothed.mesh
+    if smoothed.plain is not None:
+        assert report.relative.q1 == smoothed.before.q1
+        assert report.relative.fixed_cap == smoothed.before.fixed_cap
+    else:
+        assert report.relative is None
     return report
 
 
@@ -84,6 +89,8 @@ def test_on_a_stretched_layer():
     report = assert_agreement(Mesh(points, [Cells("quad", cells)]))
     assert report.stretched is not None
     assert report.relaxed < 11 * 11
+    assert report.relative.q1 > report.quality.q1 + 0.1
+    assert report.record()["relative"]["q1"] == report.relative.q1
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -179,10 +181,13 @@ def test_cells_that_are_kept_need_no_advice(dvr, tmp_path):
     path = write(tmp_path / "mesh.msh", points, {"quad": quads.reshape(-1, 4)})
     (line,) = [x for x in dvr("report", "quality", path).out.splitlines() if x.startswith("advice")]
     assert "all but the cells that dvr smooth keeps" in line
-    assert any(
-        x.startswith("note\t") and "which dvr smooth keeps" in x
-        for x in dvr("report", "quality", path).out.splitlines()
-    )
+    (note,) = [x for x in dvr("report", "quality", path).out.splitlines() if "which dvr smooth keeps;" in x]
+    said = r"note\t.*; relative to their own shape Q1 is (\S+) \(plain: (\S+)\), the fixed cap "
+    both = re.fullmatch(said + r"(\S+) \(plain: (\S+)\)", note)
+    summary = dvr("smooth", path, tmp_path / "out.msh", "--no-report", "-n", "0").err.splitlines()
+    before = {x[2:21].strip(): x[21:].split()[:1] for x in summary if x.startswith("  ")}
+    names = ("Q1", "plain Q1", "fixed cap", "plain fixed cap")
+    assert [[value] for value in both.groups()] == [before[name] for name in names]
 
 
 def test_the_quality_as_json(dvr, tmp_path):

@@ -324,7 +324,10 @@ class TestConversion:
         (HYBRID.replace(b"NPOIN= 5", b"NPOIN= 999999999999"), "declares 999999999999 rows, but 5 follow"),
         (HYBRID.replace(b"NPOIN= 5", b"NPOIN= -5"), "NPOIN needs a whole number"),
         (HYBRID.replace(b"9 0 1 4 3 0", b"99 0 1 4 3 0"), "line 5: cell type 99 is not known"),
-        (HYBRID.replace(b"9 0 1 4 3 0", b"209 0 1 4 3 0"), "cell type 209 is a quad of order 3, which is not"),
+        (
+            HYBRID.replace(b"9 0 1 4 3 0", b"209 0 1 4 3 0"),
+            "cell type 209 is a quad of order 3, which is not",
+        ),
         (HYBRID.replace(b"9 0 1 4 3 0", b"9 0 1 4"), "line 5: a quad needs 4 nodes"),
         (HYBRID.replace(b"9 0 1 4 3 0", b"9 0 1 4 5 0"), "a quad names point 5, but there are 5"),
         (HYBRID.replace(b"9 0 1 4 3 0", b"9 0 1 4.5 3 0"), "line 5: not numbers"),
