@@ -12,6 +12,7 @@ from dvr_cli.boundary.extent import extent
 from dvr_cli.boundary.features import features_of
 from dvr_cli.boundary.freedom import Freedom, interior_freedom
 from dvr_cli.boundary.smooth_parts import SmoothParts, smooth_parts_of
+from dvr_cli.boundary.unfolding import Unfolding, unfold
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.options import default
@@ -30,11 +31,13 @@ class Moves:
     freedom: of the vertices that do not walk. parts: the curved parts of the boundary, None where no vertex
     walks on them.
     constraints: what keeps its shape where the boundary moves, None where it stays.
+    unfolding: of facets that lay folded, None if none did.
     """
 
     freedom: Freedom
     parts: SmoothParts | None
     constraints: Constraints | None = None
+    unfolding: Unfolding | None = None
 
     @property
     def relaxed(self) -> np.ndarray:
@@ -59,16 +62,28 @@ class Moves:
         return Freedom(dimension, self.freedom.axis)
 
 
-def moves_of(mesh: Mesh, domain: Domain, boundary: str, selected: np.ndarray, feature_angle: float) -> Moves:
+def moves_of(
+    mesh: Mesh,
+    domain: Domain,
+    boundary: str,
+    selected: np.ndarray,
+    feature_angle: float,
+    bound: float | None = None,
+) -> Moves:
     """The moves open to each vertex of a mesh with its boundary treated as ``boundary`` says.
 
     domain: that of the mesh, or a part of it. selected: (N,) bool, all others stay. feature_angle: degrees.
+    bound: on the deviation, within which what lies folded is unfolded first; None leaves it as it is.
     """
     angle = np.radians(feature_angle)
+    points, unfolding = domain.points, None
     if domain.is_surface:
         nowhere = np.zeros(len(mesh.points), dtype=bool)
         constraints = surface_constraints(mesh, domain)
-        smooth = features_of(domain.points, nowhere, constraints, angle)
+        if bound is not None:
+            unfolding = unfold(points, constraints, selected, angle, bound)
+            points = unfolding.points
+        smooth = features_of(points, nowhere, constraints, angle)
         flat = interior_freedom(nowhere, 3)
     elif boundary == "fixed":
         return Moves(interior_freedom(domain.interior, domain.dimension).only(selected), None)
@@ -77,16 +92,21 @@ def moves_of(mesh: Mesh, domain: Domain, boundary: str, selected: np.ndarray, fe
         flat = features_of(domain.points, domain.interior, constraints).freedom.only(selected)
         if boundary == "slide":
             return Moves(flat, None, constraints)
-        smooth = features_of(domain.points, domain.interior, constraints, angle)
+        if bound is not None and domain.dimension == 3:
+            unfolding = unfold(points, constraints, selected, angle, bound, domain.corners)
+            points = unfolding.points
+        smooth = features_of(points, domain.interior, constraints, angle)
     smooth = replace(smooth, freedom=smooth.freedom.only(selected))
-    parts = smooth_parts_of(domain.points, constraints, smooth, flat)
-    return Moves(parts.exact, parts if len(parts.walking) else None, constraints)
+    parts = smooth_parts_of(domain.points, constraints, smooth, flat, unfolding)
+    found = unfolding if unfolding is not None and len(unfolding.folded) else None
+    return Moves(parts.exact, parts if len(parts.walking) else None, constraints, found)
 
 
 def usual_moves(mesh: Mesh, domain: Domain, held: np.ndarray) -> Moves:
     """The moves open to each vertex where nothing is asked for; held: (N,) bool, vertices that stay."""
     selected = mesh.unlinked & ~held
-    return moves_of(mesh, domain, default("boundary"), selected, default("feature_angle"))
+    how = default("boundary"), selected, default("feature_angle"), bound_of(domain, None)
+    return moves_of(mesh, domain, *how)
 
 
 def held_by_shape(

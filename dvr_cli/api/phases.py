@@ -46,8 +46,9 @@ class Run:
         """Begin at the points of the domain; on_sweep, interrupted: see ``sweeps.relax``."""
         self._domain, self._moves, self._engine, self._options = domain, moves, engine, options
         self._on_sweep, self._interrupted = on_sweep, interrupted
-        self._start = time.perf_counter()
-        self.points = domain.points
+        self._began = time.perf_counter()
+        self._start = domain.points if moves.unfolding is None else moves.unfolding.points
+        self.points = self._start
         self.stopped_because = StopReason.NOTHING_TO_RELAX
         self.phases: list[Phase] = []
         self.sweeps: list[Sweep] = []
@@ -63,7 +64,7 @@ class Run:
     @property
     def seconds(self) -> float:
         """Since the run began."""
-        return time.perf_counter() - self._start
+        return time.perf_counter() - self._began
 
     def untangle(self) -> None:
         """Make inverted elements positive."""
@@ -179,10 +180,10 @@ class Run:
         return deviation <= bound
 
     def undo(self, bound: float) -> None:
-        """Go back to the input, as the boundary has come too far from it."""
-        self._engine.load(self._domain.points)
-        self.points, self.stopped_because = self._domain.points, StopReason.DEVIATION
-        self.boundary = change_of(self._domain, self.points, 0.0, bound)
+        """Go back to where vertices began to walk, as the boundary has come too far from the input's."""
+        self._engine.load(self._start)
+        self.points, self.stopped_because = self._start, StopReason.DEVIATION
+        self.boundary = change_of(self._domain, self.points, self._engine.deviation(), bound)
 
     def _enter(self, name: str, outcome: Relaxation) -> None:
         """Take over the result of a phase, and record it."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Protocol
 
@@ -14,6 +14,7 @@ from dvr_cli.api.boundary import bound_of, held_by_shape, moves_of
 from dvr_cli.api.options import BOUNDARIES, BOUNDARY_KEEPS, SmoothOptions
 from dvr_cli.api.phases import Run
 from dvr_cli.api.shapes import shaped
+from dvr_cli.api.unfolding import unfold_phase
 from dvr_cli.api.untangling import reference_quality, tangled_left, untangle_phase, untangles
 from dvr_cli.errors import OutputError
 from dvr_cli.mesh.domain import Domain, domain_of
@@ -65,6 +66,26 @@ def smooth_mesh(
 
     Raises OutputError if rounding in the storage would make the mesh worse than it was.
     """
+    how = storage, on_sweep, interrupted, means
+    if options.is_free and options.stopping.max_iterations:
+        result = _smoothed(mesh, options, *how, unfolds=True)
+        if result is not None:
+            return result
+    result = _smoothed(mesh, options, *how, unfolds=False)
+    assert result is not None
+    return result
+
+
+def _smoothed(
+    mesh: Mesh,
+    options: SmoothOptions,
+    storage: Storage | None,
+    on_sweep: Callable[[Sweep], None] | None,
+    interrupted: Callable[[], bool],
+    means: bool,
+    unfolds: bool,
+) -> tuple[np.ndarray, SmoothReport] | None:
+    """See ``smooth_mesh``; unfolds: whether what lies folded is unfolded first, None if that does no good."""
     vertices, sweeps = len(mesh.points), options.stopping.max_iterations
     kind = choose_engine(options.engine, vertices, sweeps, options.takes_patches)
     whole = domain_of(mesh, options.straighten, kind.backend, options.region_choice)
@@ -72,7 +93,9 @@ def smooth_mesh(
     domain = shapes.domain
     masks = options.selection.masks(mesh, domain)
     selected = np.logical_and.reduce([mesh.unlinked, ~shapes.held, *masks.values()])
-    moves = moves_of(mesh, domain, options.boundary, selected, options.feature_angle)
+    bound = bound_of(domain, options.max_deviation)
+    how_far = _SHARES[0] * bound if unfolds else None
+    moves = moves_of(mesh, domain, options.boundary, selected, options.feature_angle, how_far)
     relaxed = moves.relaxed
     if moves.parts is not None:
         walking = len(moves.parts.walking)
@@ -85,8 +108,8 @@ def smooth_mesh(
     untangling = untangles(options, domain, before)
     start = time.perf_counter()
     how = options.order, options.seed, kind.backend, moves.within, moves.parts
-    problem = build_problem(domain.corners, relaxed, domain.points, *how)
-    bound = bound_of(domain, options.max_deviation)
+    start_points = domain.points if moves.unfolding is None else moves.unfolding.points
+    problem = build_problem(domain.corners, relaxed, start_points, *how)
     mean: dict[int, float] = {}
     for share in _SHARES if moves.parts is not None else _SHARES[:1]:
         engine = kind.make(problem.keeping_within(share * bound), options.threads)
@@ -105,6 +128,10 @@ def smooth_mesh(
             run.relax_patches()
         if options.takes_polish:
             run.polish(reference.q1 or 0.0)
+        if moves.unfolding is not None:
+            after = measure(domain, domain.lift(mesh.points, run.points), relaxed, inverted=run.inverted)
+            if is_worse(after, reference):
+                return None
         result_of = partial(_result, mesh, domain, relaxed, run, reference, storage)
         points, after = result_of()
         if options.polish is None and run.polished and not at_least(after.vector, before.vector):
@@ -114,6 +141,9 @@ def smooth_mesh(
                 run.start_anew()
                 run.relax(field)
                 points, after = result_of()
+        lower = options.polish is None and not at_least(after.vector, reference.vector)
+        if moves.unfolding is not None and lower:
+            return None
         if moves.parts is None or run.keeps(bound):
             break
         if share == _SHARES[-1] or run.stopped_because.cuts_short:
@@ -124,13 +154,15 @@ def smooth_mesh(
     left = tangled_left(domain, moves, points, after)
     if run.untangling is not None:
         run.phases.insert(0, untangle_phase(run.untangling, left))
+    if moves.unfolding is not None:
+        run.phases.insert(0, unfold_phase(moves.unfolding, domain))
     limited_by = None
     ended = run.stopped_because in _DONE or after.is_capped
     if ended and not _has_nothing_to_gain(after, np.array_equal(points, mesh.points)):
         mends = left["elements"] > left["hopeless"] and not untangling
         shape = None
         if domain.is_surface or options.boundary == "project":
-            where = mesh, domain, moves, selected, options.feature_angle
+            where = mesh, replace(domain, points=start_points), moves, selected, options.feature_angle
             shape = partial(held_by_shape, *where, engine.part_of_limit, bound)
         limited_by = _limit(mesh, domain, options, masks, selected, relaxed, points, after, mends, shape)
     plain = None

@@ -23,7 +23,8 @@ def deviation(
     before, after: (N, d) coordinates. facets: (F, k) segments or triangles; patch: (F,) the part of the
     boundary that each belongs to. near: (F,) the facet at ``before`` that each at ``after`` is near to.
     bound: (F,) a distance that none of its points exceeds; what cannot be farther than what was found already
-    is passed over.
+    is passed over, and where the search for the nearest point ends farther away, as it may at a fold, the
+    bound counts.
     """
     moved = (before != after).any(axis=1)
     changed = np.flatnonzero(moved[facets].any(axis=1) & (bound > 0.0))
@@ -39,7 +40,8 @@ def deviation(
         for manifold, points, start in ((old, after, near[chunk]), (new, before, chunk)):
             samples = np.einsum("sk,fkd->fsd", weights, points[facets[chunk]])
             hints = np.repeat(start, len(weights))
-            largest = max(largest, float(manifold.nearest(np.concatenate(samples), hints)[2].max()))
+            distance = manifold.nearest(np.concatenate(samples), hints)[2].reshape(len(chunk), -1)
+            largest = max(largest, float(np.minimum(distance.max(axis=1), bound[chunk]).max()))
     return largest
 
 

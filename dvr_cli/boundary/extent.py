@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.boundary.smooth_parts import triangulated
+from dvr_cli.boundary.triangles import triangulated
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.facets import facets_of, outlines
 

@@ -16,6 +16,8 @@ import numpy as np
 from dvr_cli.boundary.constraints import Constraints, edges_of
 from dvr_cli.boundary.features import Features
 from dvr_cli.boundary.freedom import Freedom, unit
+from dvr_cli.boundary.triangles import triangulated
+from dvr_cli.boundary.unfolding import Unfolding
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.facets import numbered
 from dvr_cli.mesh.orientation import connected_parts
@@ -31,6 +33,8 @@ class SmoothParts:
     segments: (S, 2) the ridges; curve: (S,) the number of the curve each is of.
     on_patch, on_curve: (m,) the vertices that walk on their patch or their curve.
     exact: the freedom of all other vertices.
+    before: (N, d) the coordinates of the input, and off: (T,) how far each triangle is from its boundary,
+        where folded triangles were unfolded.
     """
 
     triangles: np.ndarray
@@ -42,6 +46,8 @@ class SmoothParts:
     on_patch: np.ndarray
     on_curve: np.ndarray
     exact: Freedom
+    before: np.ndarray
+    off: np.ndarray
 
     @property
     def walking(self) -> np.ndarray:
@@ -50,13 +56,15 @@ class SmoothParts:
 
 
 def smooth_parts_of(
-    points: np.ndarray, constraints: Constraints, smooth: Features, flat: Freedom
+    before: np.ndarray, constraints: Constraints, smooth: Features, flat: Freedom, unfolding: Unfolding | None
 ) -> SmoothParts:
-    """The smooth parts of the boundary at ``points`` (N, d), and who moves on them.
+    """The smooth parts of a boundary, and who moves on them.
 
+    before: (N, d) the coordinates of the input; unfolding: what was done to it, None for nothing.
     smooth: the features at the feature angle; flat: the freedom within exact planes and lines. What may move
     by neither stays.
     """
+    points = before if unfolding is None else unfolding.points
     facets, ridges, n_points = constraints.facets, smooth.ridges, len(points)
     dimension, exact = smooth.freedom.dimension, flat.dimension
     faces = facets if facets.shape[1] > 2 else np.empty((0, 3), dtype=np.int64)
@@ -87,18 +95,9 @@ def smooth_parts_of(
         on_patch=np.flatnonzero(walks & (dimension == 2)),
         on_curve=np.flatnonzero(walks & (dimension == 1)),
         exact=flat.only(kept),
+        before=before,
+        off=np.zeros(len(triangles)) if unfolding is None else unfolding.off,
     )
-
-
-def triangulated(facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Facets ((F, w), short rows end in -1) as triangles (T, 3), and the facet (T,) each is of; in order."""
-    if facets.shape[1] < 4:
-        return facets, np.arange(len(facets))
-    second = np.flatnonzero(facets[:, 3] >= 0)
-    triangles = np.concatenate([facets[:, :3], facets[second][:, [0, 2, 3]]])
-    facet = np.concatenate([np.arange(len(facets)), second])
-    order = np.argsort(facet, kind="stable")
-    return triangles[order], facet[order]
 
 
 def _patches(facets: np.ndarray, ridges: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from dvr_cli.relax.stopping import StopReason
 # The guarantee of each phase: it holds after every batch.
 GUARANTEES = {
     "untangle": "there are never more inverted elements than in the input",
+    "unfold": "the boundary stays within the bound on the deviation, and no cell of a volume gets worse",
     "morph": "no element is inverted or degenerate after any substep",
     "descent": "Q1 stays at or above that of the start, and the quality vector does not end below it",
     "relax": "the quality vector never decreases in the paper's ordering, so neither does Q1",
@@ -54,6 +55,22 @@ class UntanglePhase(Phase):
 
     rounds: Sequence[Mapping[str, Any]]
     left: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class UnfoldPhase(Phase):
+    """A phase of unfolding.
+
+    found: how many triangles lay folded; moved: how many vertices moved; left: how many triangles still lie
+    folded, and places: the vertices and the centroid of the first of them. deviation: how far the boundary
+    has come from the input's at most.
+    """
+
+    found: int
+    moved: int
+    left: int
+    deviation: float
+    places: Sequence[Mapping[str, Any]]
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,8 @@ class StopReason(StrEnum):
     DEVIATION = "deviation"  # the boundary came too far from the input's: the mesh stayed as it was
     UNDONE = "undone"  # a phase whose result was not kept
     UNTANGLED = "untangled"
-    STUCK = "stuck"  # elements remain inverted
+    UNFOLDED = "unfolded"
+    STUCK = "stuck"  # elements remain inverted, or facets folded
     NOTHING_TO_UNTANGLE = "nothing-to-untangle"
 
     @property

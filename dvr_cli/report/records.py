@@ -17,7 +17,7 @@ from dvr_cli.quality.cell_measures import Distribution, Summary, by_quality
 from dvr_cli.quality.limits import Limit
 from dvr_cli.quality.measure import Quality
 from dvr_cli.quality.measures import units
-from dvr_cli.relax.phases import MorphPhase, Phase, UntanglePhase
+from dvr_cli.relax.phases import MorphPhase, Phase, UnfoldPhase, UntanglePhase
 from dvr_cli.relax.stopping import StopReason
 from dvr_cli.relax.untangle.causes import REASONS
 
@@ -135,11 +135,12 @@ class QualityReport:
 class SmoothReport:
     """The report of a command that moves vertices: qualities before and after, sweeps, how it was run.
 
-    phases: "relax", if asked for with "untangle" before it, "patches" and "polish" after it: for each what it
+    phases: "relax", with "unfold" and "untangle" before it, "patches" and "polish" after it: for each what it
         guarantees, how many sweeps it took, why it stopped; for polishing the floor, below which no quality
         fell that was not below it before; for untangling its rounds (free vertices, elements inverted or
         degenerate after each, seconds) and those that remain in the result (elements), of them those with a
-        corner whose vertices are all held (hopeless) or else near held facets that cross (crossing).
+        corner whose vertices are all held (hopeless) or else near held facets that cross (crossing); for
+        unfolding how many triangles lay folded (found) and still do (left, places), and vertices that moved.
         Of ``dvr morph`` only "morph": what part of the displacement was made (fraction), and its substeps:
         the fraction after each, Q1 before and after relaxing (q1_before, q1), how many sweeps that took.
     sweeps: for each its number from 1 (sweep), its phase, Q1 after it (q1), vertices moved, seconds taken,
@@ -179,6 +180,11 @@ class SmoothReport:
     def untangling(self) -> UntanglePhase | None:
         """The phase of untangling, None if it was not asked for."""
         return next((phase for phase in self.phases if isinstance(phase, UntanglePhase)), None)
+
+    @property
+    def unfolding(self) -> UnfoldPhase | None:
+        """The phase of unfolding, None if nothing lay folded."""
+        return next((phase for phase in self.phases if isinstance(phase, UnfoldPhase)), None)
 
     @property
     def is_untouched(self) -> bool:

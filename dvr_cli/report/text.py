@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from dvr_cli.relax.phases import PolishPhase
+from dvr_cli.relax.phases import PolishPhase, UnfoldPhase
 from dvr_cli.relax.stopping import StopReason
 from dvr_cli.report.advice import advice
 from dvr_cli.report.rows import (
@@ -89,6 +89,7 @@ def smooth_text(report: SmoothReport, source: str, output: str, width: int | Non
         f"{report.seconds:.3f} s",
         *_side_by_side(report.before, report.after, mesh.dimension),
         *_kept(report),
+        *_unfolding(report.unfolding),
         *_untangling(report),
         *_morphing(report),
         *_ending(report),
@@ -200,6 +201,22 @@ def _in_metric(use: ShapeUse) -> str:
 def _stretched(use: ShapeUse) -> str:
     """The number of cells that are stretched on purpose, and by how much."""
     return f"{_count(use.kept, 'cell')} stretched as their neighbours are, by up to {use.max_aspect:.3g} : 1"
+
+
+def _unfolding(phase: UnfoldPhase | None) -> list[str]:
+    """What lay folded on a surface or boundary, and where it still does."""
+    if phase is None:
+        return []
+    done = f"{phase.found - phase.left} of " if phase.left else ""
+    lines = [f"unfolded {done}{_count(phase.found, 'folded triangle')}: {_count(phase.moved, 'point')} moved"]
+    if phase.left:
+        lines.append(
+            "note: what lies folded counts as a feature; it needs a larger --max-deviation or a remesh"
+        )
+    for one in phase.places:
+        vertices = " ".join(map(str, one["vertices"]))
+        lines.append(f"  vertices {vertices} at {', '.join(_digits(x) for x in one['centroid'])}")
+    return lines
 
 
 def _untangling(report: SmoothReport) -> list[str]:

@@ -38,6 +38,8 @@ class Ground(NamedTuple):
     triangles: (T, 3) vertices of each facet. beyond: (T, 3) the facet across the edge opposite each of them,
         -1 where walks end. normals: (T, 3) unit, 0 for a facet without area. patch: (T,) the number of its
         patch. plane: (T,) bool, whether that patch is plane.
+    off: (T,) how far each facet is from the input at most, where folded ones were unfolded; 0 elsewhere.
+    off_at: (N,) the largest of these around each vertex.
     segments: (S, 2) vertices of each; onward: (S, 2) the segment that goes on beyond each of them, or -1.
     """
 
@@ -47,6 +49,8 @@ class Ground(NamedTuple):
     normals: np.ndarray
     patch: np.ndarray
     plane: np.ndarray
+    off: np.ndarray
+    off_at: np.ndarray
     segments: np.ndarray
     onward: np.ndarray
 
@@ -110,6 +114,7 @@ class Standing(NamedTuple):
 class Carriers:
     """The facets and curves that the vertices of a problem walk on.
 
+    before: (N, d) where vertices were in the input.
     on_surface, on_curve: the vertices that walk. curve: (S,) the number of the curve each segment is of.
     turned: (C,) bool, the touched corners of a surface that are turned over in the input. limit: how far the
     mesh may come from the input.
@@ -118,6 +123,7 @@ class Carriers:
     ground: Ground
     stars: Stars
     corners: RingCorners
+    before: np.ndarray
     on_surface: np.ndarray
     on_curve: np.ndarray
     curve: np.ndarray
@@ -152,9 +158,11 @@ class Carriers:
         first[at[chain[::-1]]] = chain[::-1]
         same = at[chain[:-1]] == at[chain[1:]]
         following[chain[:-1][same]] = chain[1:][same]
-        edges = len(stars.of)
+        edges, off = len(stars.of), np.zeros(len(stars.of))
+        owner = np.repeat(np.arange(n), np.diff(stars.edge_start))
+        np.maximum.at(off, stars.edge, ground.off_at[owner])
         return Standing(
-            *(kind, at, u, w, np.zeros(edges), first, following, np.zeros(n), self.turned.copy()),
+            *(kind, at, u, w, off, first, following, ground.off_at.copy(), self.turned.copy()),
             *(np.zeros(edges), np.zeros(n), np.zeros(n, dtype=np.int32)),
         )
 
@@ -164,7 +172,7 @@ class Carriers:
         Measured from both sides. standing: where vertices stand, with bounds that hold.
         """
         ground = self.ground
-        before = ground.places[:, : points.shape[1]]
+        before = self.before
         near = np.arange(len(ground.triangles))
         for column in ground.triangles.T[::-1]:
             near = np.where(standing.kind[column] == SURFACE, standing.at[column], near)
@@ -215,6 +223,8 @@ def carriers_of(
     touched, touched_ids: the problem's.
     """
     ground = ground_of(points, parts, number)
+    before = np.empty_like(parts.before)
+    before[number] = parts.before
     of_rings = RingCorners(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
     turned = np.zeros(len(touched.vertices), dtype=bool)
     if points.shape[1] > corners.dimension:
@@ -229,6 +239,7 @@ def carriers_of(
         ground=ground,
         stars=stars_of(ground),
         corners=of_rings,
+        before=before,
         on_surface=number[parts.on_patch],
         on_curve=number[parts.on_curve],
         curve=parts.curve,
@@ -249,13 +260,19 @@ def ground_of(points: np.ndarray, parts: SmoothParts, number: np.ndarray) -> Gro
     flat = ~(size > _NO_AREA * longest)
     normals = unit(area)
     normals[flat] = 0.0
+    plane, off_at = parts.plane.copy(), np.zeros(len(points))
+    plane[parts.patch[parts.off > 0.0]] = False
+    for column in triangles.T:
+        np.maximum.at(off_at, column, parts.off)
     return Ground(
         places=places,
         triangles=triangles,
         beyond=_beyond(triangles, segments, flat),
         normals=normals,
         patch=parts.patch.astype(np.int32),
-        plane=parts.plane[parts.patch],
+        plane=plane[parts.patch],
+        off=parts.off,
+        off_at=off_at,
         segments=segments,
         onward=_onward(segments, number[parts.on_curve], len(points)),
     )

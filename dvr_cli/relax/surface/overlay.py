@@ -122,7 +122,7 @@ def edge_distance(
     if of < 0:
         return _along_curve(points, -1 - of, vertex, end, ground, standing)
     patch = ground.patch[of]
-    if ground.plane[patch]:
+    if ground.plane[of]:
         return 0.0
     if standing.kind[vertex] != SURFACE and standing.kind[end] == SURFACE:
         vertex, end = end, vertex
@@ -153,12 +153,13 @@ def place_distance(
 
 
 def distance_to(points: np.ndarray, place: int, triangle: int, ground: Ground) -> float:
-    """The distance of an input vertex's place from a triangle of the mesh at ``points``."""
+    """The distance of the place of a ground's vertex, and of the input there, from a triangle of the mesh."""
     i, j, k = ground.triangles[triangle, 0], ground.triangles[triangle, 1], ground.triangles[triangle, 2]
     x0, x1, x2 = ground.places[place, 0], ground.places[place, 1], ground.places[place, 2]
     a0, a1, a2 = points[i, 0] - x0, points[i, 1] - x1, points[i, 2] - x2
     b0, b1, b2 = points[j, 0] - x0, points[j, 1] - x1, points[j, 2] - x2
     c0, c1, c2 = points[k, 0] - x0, points[k, 1] - x1, points[k, 2] - x2
+    off = ground.off_at[place]
     e0, e1, e2 = b0 - a0, b1 - a1, b2 - a2
     f0, f1, f2 = c0 - a0, c1 - a1, c2 - a2
     n0, n1, n2 = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
@@ -168,10 +169,10 @@ def distance_to(points: np.ndarray, place: int, triangle: int, ground: Ground) -
     bc = n0 * (b1 * c2 - b2 * c1) + n1 * (b2 * c0 - b0 * c2) + n2 * (b0 * c1 - b1 * c0)
     ca = n0 * (c1 * a2 - c2 * a1) + n1 * (c2 * a0 - c0 * a2) + n2 * (c0 * a1 - c1 * a0)
     if square > 0.0 and ab >= 0.0 and bc >= 0.0 and ca >= 0.0:
-        return abs(a0 * n0 + a1 * n1 + a2 * n2) / sqrt(square)
+        return abs(a0 * n0 + a1 * n1 + a2 * n2) / sqrt(square) + off
     least = _to_segment(a0, a1, a2, b0, b1, b2)
     least = min(least, _to_segment(b0, b1, b2, c0, c1, c2))
-    return sqrt(min(least, _to_segment(c0, c1, c2, a0, a1, a2)))
+    return sqrt(min(least, _to_segment(c0, c1, c2, a0, a1, a2))) + off
 
 
 def _to_segment(a0: float, a1: float, a2: float, b0: float, b1: float, b2: float) -> float:
@@ -220,8 +221,9 @@ def _trace(
     places, triangles, beyond, normals = ground.places, ground.triangles, ground.beyond, ground.normals
     goal = standing.at[end] if standing.kind[end] == SURFACE else -1
     count, one, other = _support(end, ground, standing)
+    off = ground.off[facet]
     if facet == goal or (count < 3 and _has(triangles, facet, one) and _has(triangles, facet, other)):
-        return 0.0
+        return off
     x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2]
     e0, e1, e2 = points[end, 0] - x0, points[end, 1] - x1, points[end, 2] - x2
     square = e0 * e0 + e1 * e1 + e2 * e2
@@ -270,8 +272,9 @@ def _trace(
         facet = beyond[facet, out]
         if facet < 0:
             return np.inf
+        off = max(off, ground.off[facet])
         if facet == goal or (count < 3 and _has(triangles, facet, one) and _has(triangles, facet, other)):
-            return sqrt(largest)
+            return sqrt(largest) + off
         top = 0  # of the vertices of the facet reached, that which is not on the edge crossed
         if triangles[facet, 1] != p and triangles[facet, 1] != q:
             top = 1
