@@ -1,8 +1,8 @@
 """Gaps: how far two sheets of triangles are from each other, seen along one direction.
 
 Where a sheet is cut into parts, and each part looked at along a normal of its own, the distance of a point
-from the other sheet is at most the gap: that to the triangle straight above or below it. Unlike the search for
-the nearest point, which walks from facet to facet, this holds where facets lie folded, too.
+from the other sheet is at most the gap: that to the triangle straight above or below it. Unlike the search
+for the nearest point, which walks from facet to facet, this holds where facets lie folded, too.
 """
 
 from __future__ import annotations

@@ -45,8 +45,8 @@ class Unfolding:
     """A boundary that has been unfolded.
 
     points: (N, d) where its vertices are then. folded: (n, 3) the triangles that were folded, and left:
-    (m, 3) those that still are, by their vertices. off: (T,) how far each of all triangles is from the input's
-    boundary, and the other way, at most.
+    (m, 3) those that still are, by their vertices. off: (T,) how far each of all triangles is from the
+    input's boundary, and the other way, at most.
     """
 
     points: np.ndarray
@@ -193,7 +193,7 @@ class _Sheet:
         return far
 
     def _around(self, part: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-        """(m, 2) pairs of a part and a triangle: those given ((n,) each), and with the triangles' neighbours."""
+        """(m, 2) pairs of a part and a triangle: those given ((n,) each), and with neighbours of these."""
         entries, start = row_entries(self._start, self.triangles[triangles].ravel())
         owner = np.repeat(np.repeat(part, 3), np.diff(start))
         return np.unique(np.stack([owner, self._corner[entries] // 3], axis=1), axis=0)
@@ -232,7 +232,7 @@ class _Sheet:
         return area, mean
 
     def _sides(self) -> tuple[np.ndarray, np.ndarray]:
-        """The sides (3 T, 2) of the triangles, side k opposite vertex k, and the number of each one's edge."""
+        """The sides (3 T, 2) of the triangles, side k opposite vertex k, and the number of each edge."""
         sides = self.triangles[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
         return sides, numbered(sides)
 

@@ -204,7 +204,7 @@ def _stretched(use: ShapeUse) -> str:
 
 
 def _unfolding(phase: UnfoldPhase | None) -> list[str]:
-    """What lay folded on a surface or boundary, and where it still does."""
+    """The number of folded triangles that were unfolded, and the places of those that were not."""
     if phase is None:
         return []
     done = f"{phase.found - phase.left} of " if phase.left else ""

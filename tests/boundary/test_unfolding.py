@@ -136,7 +136,7 @@ def test_gaps_are_distances_straight_up_and_down_and_bound_the_nearest():
     rng = np.random.default_rng(2)
     places, triangles = sheet(3)
     low = np.column_stack([places, 0.1 * rng.standard_normal(len(places))])
-    high = low + [0, 0, 0.25]
+    high = low + np.array([0, 0, 0.25])
     frame = frames(np.array([[0.0, 0.0, 1.0]]))
     points = samples(high[triangles]).reshape(-1, 3)
     zero = np.zeros(len(points), dtype=np.int64)
@@ -222,8 +222,8 @@ def test_in_a_volume_a_fold_is_undone_if_a_cell_gets_worse():
     base = points[a] + 0.3 * way + np.array([[1.0, 0.0], [-0.5, 0.8], [-0.5, -0.8]]) @ across
     more = np.concatenate([domain.points, base])
     cell = np.array([[a, *range(len(domain.points), len(more))]])
-    for cell in (cell, cell[:, [0, 2, 1, 3]]):
-        corners = corners_of([Cells("tetra", cell)], 3)
+    for order in ([0, 1, 2, 3], [0, 2, 1, 3]):
+        corners = corners_of([Cells("tetra", cell[:, order])], 3)
         if corner_qualities(more, corners)[0] > 0:
             fixed = np.ones(len(more), dtype=bool)
             fixed[: len(domain.points)] = how[0].fixed
