@@ -45,7 +45,10 @@ def test_vertices_stay_on_the_shape_and_the_shape_near_the_input(name):
     on_skin = np.unique(facets)
     moved = (points != mesh.points).any(axis=1)[on_skin]
     assert moved.mean() > 0.5
-    assert distances(points[on_skin[moved]], mesh.points, facets).max() < 1e-12
+    off = distances(points[on_skin[moved]], mesh.points, facets)
+    near_folds = 0 if report.unfolding is None else report.unfolding.deviation
+    assert off.max() <= max(1e-12, near_folds)
+    assert (off < 1e-12).mean() > 0.9
     assert report.after.q1 > report.before.q1
     assert report.after.inverted <= report.before.inverted
     change = report.boundary
