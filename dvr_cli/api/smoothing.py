@@ -94,7 +94,7 @@ def _smoothed(
     masks = options.selection.masks(mesh, domain)
     selected = np.logical_and.reduce([mesh.unlinked, ~shapes.held, *masks.values()])
     bound = bound_of(domain, options.max_deviation)
-    how_far = _SHARES[0] * bound if unfolds else None
+    how_far = bound if unfolds else None
     moves = moves_of(mesh, domain, options.boundary, selected, options.feature_angle, how_far)
     relaxed = moves.relaxed
     if moves.parts is not None:
