@@ -40,7 +40,7 @@ class MeshioSource(Source):
         file.write(self._written(points)[0])
 
     def stored(self, points: np.ndarray) -> np.ndarray:
-        """The coordinates that meshio reads back from what it writes; finds out, too, what is lost."""
+        """The coordinates that are read back from what meshio writes; finds out, too, what is lost."""
         back = self._written(points)[1]
         self.notes = [*self.unread, *lost(self.mesh, back, points)]
         return back.points[: len(points), : points.shape[1]]
@@ -77,14 +77,19 @@ class MeshioSource(Source):
             with _guarded(OutputError, f"meshio cannot write this mesh as {self.format}"):
                 meshio.write(path, to_meshio(self.mesh, points), file_format=name or self.format, **options)
             try:
-                back = read_path(path, self.format).mesh
+                back = self._read_back(path)
             except InputError as error:
-                raise OutputError(
-                    f"meshio writes this mesh as {self.format}, but cannot read it back"
-                ) from error
+                raise OutputError(f"meshio writes this mesh as {self.format} wrongly: {error}") from error
             if _count(back) != _count(self.mesh):
                 raise OutputError(f"{self.format} cannot hold this mesh: vertices or cells would be lost")
             return path.read_bytes(), back
+
+    def _read_back(self, path: Path) -> Mesh:
+        """What meshio wrote, read by this package's own reader if there is one; raises InputError."""
+        record = format_named(self.format)
+        if not record.patched:
+            return read_path(path, self.format).mesh
+        return record.read(InputFile(path.read_bytes(), path)).mesh
 
 
 def read(file: InputFile, format_name: str) -> MeshioSource:

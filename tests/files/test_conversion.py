@@ -213,3 +213,29 @@ def test_a_surface_converts_as_vtk_reads_it(tmp_path, name, reader):
     if data:
         height = vtk_to_numpy(grid.GetPointData().GetArray("height"))
         np.testing.assert_allclose(height, points[:, 2], atol=1e-6)
+
+
+def test_fields_on_cells_of_several_kinds_reach_gmsh(tmp_path):
+    """meshio writes them rightly, but cannot read them back itself."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0.0]])
+    cells = [("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2]]), ("vertex", [[0], [4]])]
+    given, made = tmp_path / "given.vtu", tmp_path / "made.msh"
+    meshio.write(given, meshio.Mesh(points, cells, cell_data={"part": [[3], [4], [5, 6]]}))
+    assert main(["smooth", str(given), str(made), "--no-report", "--max-iterations", "0"]) == 0
+    with opened_by_gmsh(made) as (gmsh, _, found):
+        assert found.tolist() == points.tolist()
+        assert [len(gmsh.model.mesh.getElementsByType(kind)[0]) for kind in (3, 2, 15)] == [1, 1, 2]
+        (view,) = gmsh.view.getTags()
+        assert np.ravel(gmsh.view.getModelData(view, 0)[2]).tolist() == [3, 4, 5, 6]
+
+
+def test_what_meshio_writes_so_that_it_cannot_be_read_is_refused(tmp_path, capfd):
+    """Families of MED have negative numbers, which Netgen's counts of names cannot be."""
+    points = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
+    mesh = meshio.Mesh(points, [("triangle", [[0, 1, 2], [0, 2, 3]])], cell_data={"cell_tags": [[-2, -3]]})
+    mesh.cell_tags = {-2: ["left"], -3: ["right"]}
+    given, made = tmp_path / "given.med", tmp_path / "made.vol"
+    meshio.write(given, mesh)
+    assert main(["smooth", str(given), str(made), "--no-report", "--max-iterations", "0"]) == 4
+    assert "meshio writes this mesh as netgen wrongly" in capfd.readouterr().err
+    assert not made.exists()
