@@ -162,7 +162,7 @@ class Engine(ABC):
         lo, walking, hi = self.problem.parts(batch)
         if lo < walking:
             self._steepest(batch, lo, walking, band, self._all if active is None else active)
-        self._point_ahead(walking, hi, band)
+        self._point_ahead(walking, hi, band, active)
         return self._inside(lo, walking)
 
     def mean_ascent(self, batch: int, aim: Aim = PLAIN, active: np.ndarray | None = None) -> np.ndarray:
@@ -174,7 +174,7 @@ class Engine(ABC):
         lo, walking, hi = self.problem.parts(batch)
         if lo < walking:
             self._mean_ascent(batch, lo, walking, aim, self._all if active is None else active)
-        self._point_ahead(walking, hi, -1.0)
+        self._point_ahead(walking, hi, -1.0, active)
         return self._inside(lo, walking)
 
     def _inside(self, lo: int, hi: int) -> np.ndarray:
@@ -218,16 +218,17 @@ class Engine(ABC):
 
         return sum(self._in_parts(part, lo, hi))
 
-    def _point_ahead(self, lo: int, hi: int, band: float) -> None:
+    def _point_ahead(self, lo: int, hi: int, band: float, active: np.ndarray | None) -> None:
         """Set the directions of the vertices of the rings lo .. hi, which walk; see ``walk_directions``."""
         carriers, standing = self.problem.carriers, self._standing
         if lo == hi or carriers is None or standing is None:
             return
         kernel = self.backend.twin(walk_directions)
+        visited = self._all if active is None else active
 
         def part(a: int, b: int) -> None:
             moving = self._get(), self._directions, a, b, self._rows
-            kernel(*moving, carriers.ground, carriers.corners, standing, band, self._largest_ring)
+            kernel(*moving, carriers.ground, carriers.corners, standing, band, visited, self._largest_ring)
 
         self._in_parts(part, lo, hi)
 

@@ -110,15 +110,17 @@ def walk_directions(
     corners: RingCorners,
     standing: Standing,
     band: float,
+    active: np.ndarray,
     largest_ring: int,
 ) -> None:
     """Set the rows start .. stop of ``directions`` (m, d) to those of ascent, along the carriers.
 
     band: that of nearly worst corners, see ``steepest.Ascent``; if it is negative the directions are those
-    along which the sum of 1/Q falls fastest. Rows of vertices that do not walk become zero.
+    along which the sum of 1/Q falls fastest. active: (m,) bool, the rings that are asked about. Rows of
+    others and of vertices that do not walk become zero.
     """
     points, directions, rings, ground = bare(points), bare(directions), bare(rings), bare(ground)
-    corners, standing = bare(corners), bare(standing)
+    corners, standing, active = bare(corners), bare(standing), bare(active)
     scratch = new_scratch(largest_ring)
     d, components = rings.others.shape[1], points.shape[1]
     keep = 1.0 - band
@@ -127,7 +129,7 @@ def walk_directions(
         vertex = rings.vertices[ring]
         for i in range(components):
             directions[ring, i] = 0.0
-        if standing.at[vertex] < 0:
+        if standing.at[vertex] < 0 or not active[ring]:
             continue
         n = _lines(points, vertex, 0.0, 0.0, 0.0, ring, rings, ground, corners, standing, True, scratch)
         worst = worst_of(scratch, n, d)
