@@ -10,7 +10,18 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-SECTIONS = ("engines", "sizes", "files", "startup", "boundary", "targets", "untangle", "quality", "tools")
+SECTIONS = (
+    "engines",
+    "sizes",
+    "files",
+    "startup",
+    "boundary",
+    "targets",
+    "layers",
+    "untangle",
+    "quality",
+    "tools",
+)
 _PACKAGES = ("dvr-cli", "numpy", "numba", "meshio", "gmsh", "netgen-mesher", "vtk", "scipy")
 
 

@@ -124,7 +124,7 @@ class Relaxer:
             raise InputError("a surface in space cannot be followed; planar and volume meshes can")
         self.points = mesh.points.copy()
         shapes = shaped(self.domain, options.shape)
-        self._shaped = shapes.domain.corners
+        self._shaped = shapes.corners_free_to_move()  # layers go along with what is displaced
         self._layers = (shaped(self.domain, "auto") if options.shape == "input" else shapes).held
         self.held = ~self.domain.interior
         self._carried = np.zeros(len(mesh.points), dtype=bool)

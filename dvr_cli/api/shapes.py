@@ -49,7 +49,7 @@ class Shaped:
 
     def corners_free_to_move(self) -> Corners:
         """The corners with the same targets, formed also where no vertex is relaxed."""
-        if self.targets is None:
+        if self.targets is None or not self.held.any():
             return self.domain.corners
         nowhere = np.zeros_like(self.held)
         return with_targets(self.plain.points, self.plain.corners, self.targets, nowhere)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.jit import compiled, inlined
-from dvr_cli.quality.stretching import LIKELY
+from dvr_cli.quality.stretching import LIKELY, SEED
 
 _LEVEL = np.log(LIKELY)
+_ALLOWED = np.log(SEED) * (1.0 - 1e-9)  # a bound, to rounding
 _FLAT = 1e-14  # least eigenvalue of A Aᵀ, relative to the largest, that is told from zero
 _ALIKE = 1e-3  # relative difference of eigenvalues below which their logarithms differ as they do
 
@@ -49,16 +50,26 @@ def candidates(
     quality: np.ndarray,
     positive: np.ndarray,
 ) -> np.ndarray:
-    """As ``stretching.candidates``, by averages of L to a few digits, and these only where they may matter.
+    """As ``stretching.candidates``, of these only what averages of L to a few digits leave.
 
     The third average in a cell is one of those at vertices (T) within two rings of it, so that its aspect is
     not above the largest of theirs.
     """
     n, n_points, width = len(start) - 1, len(points), vertices.shape[1]
+    result = _allowed_by_quality(vertices, start, quality, positive, n_points)
+    if not result.any():
+        return result
+    wanted = np.zeros(n_points, dtype=np.bool_)
+    _mark(vertices, start, result, wanted)
+    for _ in range(2):
+        _mark(vertices, start, _with_marked(vertices, start, wanted), wanted)
     parts = width * (width - 1) // 2
     here = np.empty(parts)
     count, total = np.zeros(n_points), np.zeros((n_points, parts))
+    touching = _with_marked(vertices, start, wanted)
     for cell in range(n):
+        if not touching[cell]:
+            continue
         here[:] = 0.0
         if positive[cell]:
             for c in range(start[cell], start[cell + 1]):
@@ -78,12 +89,11 @@ def candidates(
     for vertex in range(n_points):
         for i in range(parts):
             total[vertex, i] /= max(count[vertex], 1.0)
-        if _log_aspect(total[vertex]) >= _LEVEL:
+        if wanted[vertex] and _log_aspect(total[vertex]) >= _LEVEL:
             rings[vertex] = 0
             found = True
-    result = np.zeros(n, dtype=np.bool_)
     if not found:
-        return result
+        return np.zeros(n, dtype=np.bool_)
     least = np.empty(n, dtype=np.int8)
     for ring in range(4):
         _least_of_cells(rings, vertices, start, least)
@@ -96,9 +106,75 @@ def candidates(
     for away in (4, 3):
         total = _averaged_within(total, count, vertices, start, least, away)
     for cell in range(n):
-        if least[cell] <= 2:
+        if result[cell] and least[cell] <= 2:
             _mean_of_cell(total, vertices, start, cell, here)
             result[cell] = _log_aspect(here) >= _LEVEL
+        else:
+            result[cell] = False
+    return result
+
+
+@compiled
+def _allowed_by_quality(
+    vertices: np.ndarray, start: np.ndarray, quality: np.ndarray, positive: np.ndarray, n_points: int
+) -> np.ndarray:
+    """(n,) bool: the cells that the third average of what each corner's quality allows does not exclude.
+
+    The average of aspects, in their logarithms, is not below the aspect of an average of L. Each is at most
+    the largest before it, so that most meshes end after the first.
+    """
+    n, width = len(start) - 1, vertices.shape[1]
+    value, total, count = np.zeros(n), np.zeros(n_points), np.zeros(n_points)
+    largest = 0.0
+    for cell in range(n):
+        if positive[cell]:
+            for c in range(start[cell], start[cell + 1]):
+                q = quality[c]
+                x = 1.0 / (q if width == 3 else q * np.sqrt(q))  # α + 1/α ≤ 2 x
+                value[cell] += np.log(x + np.sqrt(max(x * x - 1.0, 0.0)))
+            value[cell] /= start[cell + 1] - start[cell]
+            largest = max(largest, value[cell])
+    for average in range(3):
+        if largest < _ALLOWED:
+            return np.zeros(n, dtype=np.bool_)
+        total[:] = 0.0
+        for cell in range(n):
+            for c in range(start[cell], start[cell + 1]):
+                for k in range(width):
+                    total[vertices[c, k]] += value[cell]
+                    if average == 0:
+                        count[vertices[c, k]] += 1.0
+        largest = 0.0
+        for vertex in range(n_points):
+            total[vertex] /= max(count[vertex], 1.0)
+            largest = max(largest, total[vertex])
+        for cell in range(n):
+            value[cell] = 0.0
+            for c in range(start[cell], start[cell + 1]):
+                for k in range(width):
+                    value[cell] += total[vertices[c, k]]
+            value[cell] /= (start[cell + 1] - start[cell]) * width
+    return value >= _ALLOWED
+
+
+@compiled
+def _mark(vertices: np.ndarray, start: np.ndarray, cells: np.ndarray, marked: np.ndarray) -> None:
+    """Mark the vertices of ``cells`` ((n,) bool) in ``marked`` (N,)."""
+    for cell in range(len(cells)):
+        if cells[cell]:
+            for c in range(start[cell], start[cell + 1]):
+                for k in range(vertices.shape[1]):
+                    marked[vertices[c, k]] = True
+
+
+@compiled
+def _with_marked(vertices: np.ndarray, start: np.ndarray, marked: np.ndarray) -> np.ndarray:
+    """(n,) bool: the cells with a vertex that is marked."""
+    result = np.zeros(len(start) - 1, dtype=np.bool_)
+    for cell in range(len(result)):
+        for c in range(start[cell], start[cell + 1]):
+            for k in range(vertices.shape[1]):
+                result[cell] |= marked[vertices[c, k]]
     return result
 
 
