@@ -17,7 +17,7 @@ from needs import require
 TWINS = (
     *(facets.facet_order, interior.cancel_facets, interior.cancel_facets_of_simplices),
     *(rings.incidence, rings.rings, simplex.determinants),
-    *(altitudes.extremes, angles.with_extreme_cosines),
+    *(altitudes.extremes, angles.with_extreme_cosines, angles.with_extreme_turns),
     *(mean_ratio.corner_terms, mean_ratio.metric_norms, vector.lower),
     *(problem.touched_corners, schedule.colours, schedule.levels, neighbourhoods.choose, solver.solve_patch),
 )

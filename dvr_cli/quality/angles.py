@@ -12,7 +12,7 @@ from dvr_cli.mesh.facets import outlines
 from dvr_cli.mesh.mesh import Cells
 from dvr_cli.mesh.simplex import Components, chunks, cross, dot, subtract
 
-_NEAR = 1e-9  # cosines this near to the extreme one are looked at exactly
+_NEAR = 1e-9  # cosines and turns this near to the extreme one are looked at exactly
 
 
 def extreme_angles(points: np.ndarray, blocks: list[Cells], backend: Backend = NUMPY) -> tuple[float, float]:
@@ -29,6 +29,8 @@ def extreme_angles(points: np.ndarray, blocks: list[Cells], backend: Backend = N
         candidates = outlines(block) if cell_type.dimension == 2 else block.vertices
         if cell_type.dimension == 3:
             candidates = candidates[_with_extreme_cosines(points, candidates, cell_type, backend)]
+        else:
+            candidates = candidates[backend.twin(with_extreme_turns)(points, candidates, _NEAR)]
         for chunk in chunks(len(candidates)):
             vertices = candidates[chunk]
             if cell_type.dimension == 2:
@@ -55,6 +57,14 @@ def interior_angles(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     inner = (onward * back).sum(axis=-1)
     angle = np.degrees(np.arctan2(cross, inner)) % 360.0
     return np.where(onward.any(axis=-1) & back.any(axis=-1), angle, np.nan)
+
+
+def with_extreme_turns(points: np.ndarray, vertices: np.ndarray, near: float) -> np.ndarray:
+    """(n,) bool: cells among which are all with an interior angle as small or large as any; here all.
+
+    points: (N, d); vertices: (n, k), around each cell; near: by how much less extreme turns count, too.
+    """
+    return np.ones(len(vertices), dtype=bool)
 
 
 def _with_extreme_cosines(

@@ -33,3 +33,33 @@ def with_extreme_cosines(
                 extreme[c] = True
                 low, high = min(low, inner / size), max(high, inner / size)
     return extreme
+
+
+@compiled
+def with_extreme_turns(points: np.ndarray, vertices: np.ndarray, near: float) -> np.ndarray:
+    """As ``angles.with_extreme_turns``: few other cells are among those it gives.
+
+    A turn grows with the angle, from 0 to 4. Cells whose turn cannot be told are given, too.
+    """
+    k, space = vertices.shape[1], points.shape[1]
+    extreme = np.zeros(len(vertices), dtype=np.bool_)
+    low, high = np.inf, -np.inf
+    for c in range(len(vertices)):
+        for i in range(k):
+            o, p, q = vertices[c, i], vertices[c, (i + 1) % k], vertices[c, (i + k - 1) % k]
+            a0, a1 = points[p, 0] - points[o, 0], points[p, 1] - points[o, 1]
+            b0, b1 = points[q, 0] - points[o, 0], points[q, 1] - points[o, 1]
+            inner, cross = a0 * b0 + a1 * b1, a0 * b1 - a1 * b0
+            if space == 3:
+                a2, b2 = points[p, 2] - points[o, 2], points[q, 2] - points[o, 2]
+                n0, n1 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2
+                inner, cross = inner + a2 * b2, np.sqrt(n0 * n0 + n1 * n1 + cross * cross)
+            size = abs(inner) + abs(cross)
+            if not 0.0 < size < np.inf:
+                extreme[c] = True
+                continue
+            turn = 1.0 - inner / size if cross >= 0.0 else 3.0 + inner / size
+            if turn <= low + near or turn >= high - near:
+                extreme[c] = True
+                low, high = min(low, turn), max(high, turn)
+    return extreme

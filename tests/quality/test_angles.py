@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 import oracle
+from dvr_cli.backend import COMPILED
 from dvr_cli.mesh.mesh import Cells
 from dvr_cli.quality.angles import extreme_angles
 from meshes import random_mesh
+from needs import require
 
 IDEAL_ANGLES = {
     "triangle": (60, 60),
@@ -126,3 +128,17 @@ def test_angles_next_to_a_face_without_area_are_left_out():
 
 def test_no_cells_have_no_angles():
     assert np.isnan(extreme_angles(np.empty((0, 2)), [])).all()
+
+
+@pytest.mark.parametrize("kind", ["triangle", "quad"])
+@pytest.mark.parametrize("in_space", [False, True])
+def test_the_compiled_search_finds_the_same_extremes(kind, in_space):
+    """Of random cells, inside out ones among them, some without an edge or so small that products vanish."""
+    require("numba")
+    rng = np.random.default_rng(2)
+    points = rng.normal(size=(400, 3 if in_space else 2))
+    points[:8] *= 1e-170
+    cells = rng.integers(400, size=(300, 3 if kind == "triangle" else 4)).astype(np.int32)
+    for part in (cells, cells[:40], cells[:1], np.arange(8, dtype=np.int32)[None, : cells.shape[1]]):
+        blocks = [Cells(kind, part)]
+        assert extreme_angles(points, blocks, COMPILED) == extreme_angles(points, blocks)
