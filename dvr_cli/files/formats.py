@@ -162,6 +162,7 @@ REGISTRY = (
         (".ply",),
         re.compile(rb"ply[ \t]*[\r\n]"),
         reader="ply",
+        converter="ply",
         versions="1.0; text and binary of either byte order",
         regions="face properties of few values, but for colours",
         checked_by=("trimesh", "vtk"),

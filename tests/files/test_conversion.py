@@ -239,3 +239,24 @@ def test_what_meshio_writes_so_that_it_cannot_be_read_is_refused(tmp_path, capfd
     assert main(["smooth", str(given), str(made), "--no-report", "--max-iterations", "0"]) == 4
     assert "meshio writes this mesh as netgen wrongly" in capfd.readouterr().err
     assert not made.exists()
+
+
+@pytest.mark.parametrize("mixed", [True, False])
+def test_ply_has_the_fields_of_faces_in_types_that_others_read(tmp_path, capfd, mixed):
+    trimesh = require("trimesh")
+    points = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [2, 0.5]])
+    second = ("quad", [[0, 1, 2, 3]]) if mixed else ("triangle", [[0, 1, 2]])
+    cells = [("triangle", [[1, 4, 2]]), second, ("line", [[0, 1]])]
+    data = {"part": [[3], [4], [0]], "far": [[1 << 40], [5], [6]]}
+    given, made = tmp_path / "given.vtu", tmp_path / "made.ply"
+    meshio.write(given, meshio.Mesh(np.pad(points, ((0, 0), (0, 1))), cells, cell_data=data))
+    assert main(["smooth", str(given), str(made), "--no-report", "--max-iterations", "0"]) == 0
+    said = capfd.readouterr().err
+    assert "not kept: 1 cell field (far)" in said
+    assert "1 cell of type vertex or line" in said
+    loaded = trimesh.load(made, process=False)
+    assert loaded.vertices[:, :2].tolist() == points.tolist()
+    assert loaded.faces[0].tolist() == [1, 4, 2]
+    assert len(loaded.faces) == 2 + mixed  # trimesh divides the quadrilateral
+    parts = open_mesh(made).mesh.cell_data["part"]
+    assert np.concatenate(parts).tolist() == [3, 4]

@@ -88,7 +88,8 @@ class BinaryFile:
     def vertices(self) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates (N, d) and references (N,)."""
         rows = self._rows(self._sections[VERTICES], self._vertex)
-        return rows["place"].astype(np.float64), rows["reference"].astype(np.int64)
+        with np.errstate(invalid="ignore"):  # damaged ones may be signalling no number
+            return rows["place"].astype(np.float64), rows["reference"].astype(np.int64)
 
     def solutions(self) -> tuple[int, list[int], np.ndarray]:
         """Of the solutions at vertices the number of rows, the kind of each, all numbers end to end."""
