@@ -371,6 +371,15 @@ TABLE = (
         panel="Performance",
     ),
     Option(
+        "mpi",
+        SWITCH,
+        False,
+        "Move vertices on all ranks of an MPI job, as in mpiexec -n 4 dvr smooth IN OUT --mpi (needs "
+        "dvr-cli[mpi]): the same bytes as on one. Each rank has one thread unless --threads says otherwise.",
+        ("smooth",),
+        panel="Performance",
+    ),
+    Option(
         "report",
         FILE,
         None,

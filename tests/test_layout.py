@@ -18,6 +18,7 @@ LAYERS = [
     "cli",
     "gmsh",
     "api",
+    "distributed",
     "files",
     "report",
     "relax",

@@ -24,9 +24,9 @@ from dvr_cli.quality.limits import FAIR, Limit, limit_of
 from dvr_cli.quality.measure import Quality, mean_of_elements, measure
 from dvr_cli.quality.vector import at_least
 from dvr_cli.relax.directions import Entry, direction_field
-from dvr_cli.relax.engines.choice import choose_engine
+from dvr_cli.relax.engines.choice import EngineKind, choose_engine
 from dvr_cli.relax.engines.engine import Engine
-from dvr_cli.relax.problem import build_problem
+from dvr_cli.relax.problem import Problem, build_problem
 from dvr_cli.relax.stopping import StopReason
 from dvr_cli.relax.sweeps import Sweep
 from dvr_cli.report.records import ShapeUse, SmoothReport, summarise
@@ -57,12 +57,14 @@ def smooth_mesh(
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
     means: bool = False,
+    make: Callable[[EngineKind, Problem, int | None], Engine] = EngineKind.make,
 ) -> tuple[np.ndarray, SmoothReport]:
     """Untangle, if asked for, and relax a Mesh; returns its new points (N, 2|3) and the report.
 
     storage: where the result goes; the points returned and the report's final qualities are those kept there.
     on_sweep, interrupted: see ``sweeps.relax``.
     means: whether the report's sweeps have the mean quality of the elements, too.
+    make: the engine of a kind for a problem, with that many threads.
 
     Raises OutputError if rounding in the storage would make the mesh worse than it was.
     """
@@ -112,7 +114,7 @@ def _smoothed(
     problem = build_problem(domain.corners, relaxed, start_points, *how)
     mean: dict[int, float] = {}
     for share in _SHARES if moves.parts is not None else _SHARES[:1]:
-        engine = kind.make(problem.keeping_within(share * bound), options.threads)
+        engine = make(kind, problem.keeping_within(share * bound), options.threads)
         hook = _record_means(mean, engine, domain, on_sweep) if means else on_sweep
         run, reference = Run(domain, moves, engine, options, hook, interrupted), before
         if untangling:

@@ -19,6 +19,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     4 output could not be written; 130 interrupted.
     """
     arguments = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    if "--mpi" not in arguments:
+        return _run(arguments)
+    from dvr_cli.distributed.ranks import run_on_ranks, world
+
+    try:
+        ranks = world()
+    except DvrError as error:
+        say(error_line(f"error: {error}"))
+        return error.exit_code
+    return run_on_ranks(ranks, lambda: _run(arguments))
+
+
+def _run(arguments: list[str]) -> int:
+    """The exit code of a command, after one line for whatever went wrong."""
     try:
         if arguments == ["--version"]:  # answered without loading the parser, which takes most of the time
             emit(f"dvr {__version__}")

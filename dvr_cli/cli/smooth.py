@@ -35,4 +35,10 @@ def smooth(
 
     options = SmoothOptions.of(given)
     pictured = given["plot"] is not None or is_page(given["report"])
-    return run(source, output, partial(smooth_mesh, options=options, means=pictured), given)
+    work = partial(smooth_mesh, options=options, means=pictured)
+    if given["mpi"]:
+        from dvr_cli.distributed.lead import LeadEngine
+        from dvr_cli.distributed.ranks import world
+
+        work = partial(work, make=partial(LeadEngine, world()))
+    return run(source, output, work, given)

@@ -80,10 +80,17 @@ class Engine(ABC):
             return np.inf
         if self.problem.is_surface:
             return float(self.qualities().min())
+        return self.worst()[2]
+
+    def worst(self) -> tuple[float, int, float]:
+        """Badness, number and quality of the first of the worst touched corners, not in a surface.
+
+        Infinite badness, that of corners that are not positive, orders nothing: quality then is the lowest.
+        """
+        touched = self.problem.touched
         corner, badness = self._worst_corner()
-        # where corners are not positive their badness does not order them
         candidates = slice(corner, corner + 1) if badness < np.inf else slice(None)
-        return float(corner_qualities(self._get(), touched.part(candidates)).min())
+        return badness, corner, float(corner_qualities(self._get(), touched.part(candidates)).min())
 
     def qualities(self) -> np.ndarray:
         """(C,) quality of each corner with a relaxed vertex."""

@@ -1,0 +1,171 @@
+"""The engine of the leading rank: to the phases of a run an engine like any other, it has all ranks compute.
+
+It holds the whole problem and, when somebody asks, all coordinates and qualities. Between, they are with the
+members.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dvr_cli.distributed.member import Member
+from dvr_cli.distributed.parts import Partition
+from dvr_cli.distributed.ranks import JOIN, LEAD, ending_the_job
+from dvr_cli.errors import UsageError
+from dvr_cli.relax.engines.choice import EngineKind
+from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.polish import Aim
+from dvr_cli.relax.problem import Problem
+from dvr_cli.relax.steepest import Ascent
+
+
+class LeadEngine(Engine):
+    """Cuts a problem into parts, gives each rank its own, and has them do what it is asked to do."""
+
+    def __init__(self, comm: Any, kind: EngineKind, problem: Problem, threads: int | None) -> None:
+        """comm: the communicator (mpi4py's), on whose other ranks ``ranks.follow`` runs.
+
+        kind: of the engine on each rank. threads: of each rank, None for one.
+
+        Raises UsageError where vertices walk.
+        """
+        if problem.carriers is not None:
+            raise UsageError(
+                "mpi: curved boundaries and surfaces, whose vertices walk, are relaxed by one rank only"
+            )
+        super().__init__(problem)
+        self._comm, self.backend = comm, kind.backend
+        threads = 1 if threads is None else threads
+        partition = Partition(problem, comm.size)
+        self._places = [partition.place(rank) for rank in range(comm.size)]
+        comm.bcast((JOIN, (kind.name, threads)), LEAD)
+        with ending_the_job(comm):
+            for rank in range(1, comm.size):
+                comm.send(partition.part(rank), dest=rank)
+            part = partition.part(LEAD)
+            self._member = Member(comm, part, kind.make(part.problem, threads))
+        self.threads = self._member.engine.threads
+        self._points = np.empty((0, problem.components))
+        self._here = self._there = (
+            False  # whether the coordinates here, and those of the members, are current
+        )
+        self._sent: dict[str, np.ndarray] = {}
+
+    # ------------------------------------------------------------------------------ coordinates
+
+    @property
+    def coordinates(self) -> np.ndarray:
+        """(N, d) as in Engine; what is written there counts from the next task of the members on."""
+        points = self._get()
+        self._there = False
+        return points
+
+    def _set(self, points: np.ndarray) -> None:
+        self._points = np.ascontiguousarray(points)
+        self._here, self._there = True, False
+
+    def _get(self) -> np.ndarray:
+        if not self._here:
+            self._into(
+                self._points,
+                [self.problem.rings.vertices[place.rings] for place in self._places],
+                "give coordinates",
+            )
+            self._here = True
+        return self._points
+
+    # ------------------------------------------------------------------------------ what is asked for
+
+    def q1(self) -> float:
+        return self._worst()[2] if len(self.problem.touched.vertices) else np.inf
+
+    def qualities(self) -> np.ndarray:
+        values = np.empty(len(self.problem.touched.vertices))
+        return self._into(values, [place.firsts for place in self._places], "give qualities")
+
+    def ring_qualities(self) -> np.ndarray:
+        values = np.empty(len(self.problem.rings.vertices))
+        return self._into(values, [place.rings for place in self._places], "give ring qualities")
+
+    def move_batch(
+        self,
+        batch: int,
+        directions: np.ndarray | Ascent,
+        active: np.ndarray | None = None,
+        enough: float = 0.0,
+    ) -> int:
+        if not isinstance(directions, Ascent):
+            return super().move_batch(batch, directions, active, enough)
+        self._send("active", self._all if active is None else active)
+        return self._moving("move", batch, directions, enough)
+
+    # ------------------------------------------------------------------------------ of Engine
+
+    def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray, enough: float) -> int:
+        self._send("directions", directions)
+        return self._moving("relax", batch, enough)
+
+    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float, aim: Aim) -> int:
+        self._send("directions", directions)
+        return self._moving("polish", batch, limit, aim)
+
+    def _steepest(self, batch: int, lo: int, hi: int, band: float, active: np.ndarray) -> None:
+        self._send("active", active)
+        self._found_there("find steepest", batch, band)
+
+    def _mean_ascent(self, batch: int, lo: int, hi: int, aim: Aim, active: np.ndarray) -> None:
+        self._send("active", active)
+        self._found_there("find mean ascent", batch, aim)
+
+    def _worst_corner(self) -> tuple[int, float]:
+        badness, corner, _ = self._worst()
+        return corner, badness
+
+    # ------------------------------------------------------------------------------ messages
+
+    def _worst(self) -> tuple[float, int, float]:
+        """Badness, number and quality of the worst corner, the first of equals; see ``Engine.worst``."""
+        found = sorted(self._current("give worst"), key=lambda one: one[1])
+        worst = max(found, key=lambda one: one[0])
+        if worst[0] < np.inf:
+            return worst
+        return min((one for one in found if one[0] == np.inf), key=lambda one: one[2])
+
+    def _found_there(self, task: str, *arguments: Any) -> None:
+        """Have the members find directions, which stay there: this engine's own stand for them."""
+        self._current(task, *arguments)
+        self._sent["directions"] = self._directions
+
+    def _send(self, name: str, rows: np.ndarray) -> None:
+        """Give each member its rows of an array with one a ring, unless it has them from the last time."""
+        if self._sent.get(name) is not rows:
+            self._ask(f"take {name}", each=[rows[place.rings] for place in self._places])
+            self._sent[name] = rows
+
+    def _into(self, whole: np.ndarray, rows: list[np.ndarray], task: str) -> np.ndarray:
+        """``whole`` with those rows filled that each member gives."""
+        for numbers, values in zip(rows, self._current(task), strict=True):
+            whole[numbers] = values
+        return whole
+
+    def _moving(self, task: str, *arguments: Any) -> int:
+        """Have the members move vertices; returns how many."""
+        moved = self._current(task, *arguments)
+        self._here = False
+        return moved
+
+    def _current(self, task: str, *arguments: Any) -> Any:
+        """Have the members do a task on current coordinates."""
+        if not self._there:
+            self._ask("take coordinates", each=[self._points[place.vertices] for place in self._places])
+            self._there = True
+        return self._ask(task, *arguments)
+
+    def _ask(self, task: str, *arguments: Any, each: list[np.ndarray] | None = None) -> Any:
+        """Have all members do a task, this one too; each: an array for each."""
+        self._comm.bcast((task, arguments), LEAD)
+        own = arguments if each is None else (*arguments, each)
+        with ending_the_job(self._comm):
+            return self._member.do(task, *own)

@@ -1,0 +1,108 @@
+"""A member: what each rank does with its part, on an engine of its own, when the leading rank asks for it.
+
+The leading rank is a member, too. All members do the same task at the same time, so none waits for a message
+that nobody sends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from dvr_cli.distributed.parts import Part
+from dvr_cli.distributed.ranks import LEAD
+from dvr_cli.relax.engines.choice import KINDS
+from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.polish import Aim
+from dvr_cli.relax.steepest import Ascent
+
+Each = list[np.ndarray] | None  # an array for each rank on the leading one, None on others
+
+
+class Member:
+    """One rank with its part of the problem; a task's result is for the leading rank alone."""
+
+    def __init__(self, comm: Any, part: Part, engine: Engine) -> None:
+        """comm: the communicator (mpi4py's) of all members; engine: one for the problem of ``part``."""
+        self._comm, self._part, self.engine = comm, part, engine
+        self._directions, self._active = np.empty((0, 0)), np.empty(0, dtype=bool)
+        self._tasks: dict[str, Callable[..., Any]] = {
+            "take coordinates": self._take_coordinates,
+            "take directions": self._take_directions,
+            "take active": self._take_active,
+            "relax": self._relax,
+            "move": self._move,
+            "find steepest": self._find_steepest,
+            "find mean ascent": self._find_mean_ascent,
+            "polish": self._polish,
+            "give coordinates": lambda: self._comm.gather(self.engine.relaxed_points, LEAD),
+            "give qualities": lambda: self._comm.gather(self.engine.qualities()[self._part.first], LEAD),
+            "give ring qualities": lambda: self._comm.gather(self.engine.ring_qualities(), LEAD),
+            "give worst": lambda: self._comm.gather(self._worst(), LEAD),
+        }
+
+    def do(self, task: str, *arguments: Any) -> Any:
+        """Do the task of this name, as all members have to; only arguments of type Each differ."""
+        return self._tasks[task](*arguments)
+
+    def _take_coordinates(self, each: Each = None) -> None:
+        """Take over the coordinates (n, d) of all vertices of the part."""
+        self.engine.restore((self._comm.scatter(each, LEAD), None))
+
+    def _take_directions(self, each: Each = None) -> None:
+        """Take over the directions (m, d), one row a ring."""
+        self._directions = self._comm.scatter(each, LEAD)
+
+    def _take_active(self, each: Each = None) -> None:
+        """Take over which rings are active, (m,) bool."""
+        self._active = self._comm.scatter(each, LEAD)
+
+    def _relax(self, batch: int, enough: float) -> int | None:
+        return self._moved(batch, self.engine.relax_batch(batch, self._directions, enough))
+
+    def _move(self, batch: int, ascent: Ascent, enough: float) -> int | None:
+        return self._moved(batch, self.engine.move_batch(batch, ascent, self._active, enough))
+
+    def _find_steepest(self, batch: int, band: float) -> None:
+        self._directions = self.engine.steepest(batch, band, self._active)
+
+    def _find_mean_ascent(self, batch: int, aim: Aim) -> None:
+        self._directions = self.engine.mean_ascent(batch, aim, self._active)
+
+    def _polish(self, batch: int, limit: float, aim: Aim) -> int | None:
+        return self._moved(batch, self.engine.polish_batch(batch, self._directions, limit, aim))
+
+    def _moved(self, batch: int, number: int) -> int | None:
+        """Exchange the vertices of a batch with the neighbours; returns how many moved on all ranks.
+
+        number: how many did on this one.
+        """
+        points = self.engine.coordinates
+        received = [shared for shared in self._part.received if len(shared.of(batch))]
+        arriving = [np.empty((len(shared.of(batch)), points.shape[1])) for shared in received]
+        sent = [shared for shared in self._part.sent if len(shared.of(batch))]
+        leaving = [np.ascontiguousarray(points[shared.of(batch)]) for shared in sent]
+        requests = [
+            *(self._comm.Irecv(rows, source=s.rank) for s, rows in zip(received, arriving, strict=True)),
+            *(self._comm.Isend(rows, dest=s.rank) for s, rows in zip(sent, leaving, strict=True)),
+        ]
+        for request in requests:
+            request.Wait()
+        for shared, rows in zip(received, arriving, strict=True):
+            points[shared.of(batch)] = rows
+        return self._comm.reduce(number, root=LEAD)
+
+    def _worst(self) -> tuple[float, int, float]:
+        """Badness, number in the whole, and quality of the part's worst corner, see ``Engine.worst``."""
+        if not len(self._part.corners):
+            return -np.inf, -1, np.inf
+        badness, corner, quality = self.engine.worst()
+        return badness, int(self._part.corners[corner]), quality
+
+
+def joined(comm: Any, engine: str, threads: int) -> Member:
+    """The member that a rank becomes with the part that the leading rank sends; engine: its name."""
+    part = comm.recv(source=LEAD)
+    return Member(comm, part, KINDS[engine].make(part.problem, threads))

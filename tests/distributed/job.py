@@ -1,0 +1,46 @@
+"""A job of several ranks for ``test_ranks``: commands of ``dvr`` one after the other, and what goes wrong.
+
+mpiexec -n 3 python job.py commands.json codes.json [fault]
+"""
+
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+from dvr_cli.cli.main import main
+from dvr_cli.cli.progress import Progress
+from dvr_cli.distributed.member import Member
+
+RANK = MPI.COMM_WORLD.rank
+
+
+def failing(member, *arguments):
+    if MPI.COMM_WORLD.size - 1 == RANK:
+        raise MemoryError("nothing left")
+    return moves(member, *arguments)
+
+
+def interrupted(progress, sweep):
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def interrupted_member(member, *arguments):
+    if RANK > 0:
+        os.kill(os.getpid(), signal.SIGINT)
+    return moves(member, *arguments)
+
+
+moves = Member._moved
+commands, codes, *fault = sys.argv[1:]
+if fault == ["a rank fails"]:
+    Member._moved = failing
+if fault == ["interrupted"]:
+    Progress.sweep, Member._moved = interrupted, interrupted_member
+ends = [main(command) for command in json.loads(Path(commands).read_text())]
+if RANK == 0:
+    Path(codes).write_text(json.dumps(ends))
+assert MPI.COMM_WORLD.allgather(ends) == [ends] * MPI.COMM_WORLD.size

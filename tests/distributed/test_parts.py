@@ -1,0 +1,85 @@
+"""Parts of a problem: together they are the whole, and each has all that its vertices need."""
+
+import numpy as np
+import pytest
+
+from dvr_cli.distributed.parts import Partition
+from dvr_cli.mesh.domain import domain_of
+from dvr_cli.quality.mean_ratio import corner_qualities
+from dvr_cli.relax.problem import build_problem
+from meshes import random_freedom, random_mesh
+
+
+def problem_of(kind, order="coloured"):
+    domain = domain_of(random_mesh(kind, 2))
+    freedom = random_freedom(domain, 1)
+    return build_problem(domain.corners, freedom.relaxed, domain.points, order, freedom=freedom), domain
+
+
+def entries(problem, ring):
+    return slice(*problem.rings.start[ring : ring + 2])
+
+
+def norms(problem):
+    """The row of the shape table of each entry of a ring."""
+    return problem.touched.table.norm[problem.rings.shapes]
+
+
+def batch_of(problem, ring):
+    return np.searchsorted(problem.batch_start, ring, side="right")
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 3, 5, 40])
+@pytest.mark.parametrize("kind", ["triangle", "tetra", "mixed3d"])
+def test_each_ring_and_each_touched_corner_is_in_one_part(kind, ranks):
+    problem, domain = problem_of(kind)
+    points = domain.points[problem.order]
+    partition = Partition(problem, ranks)
+    rings = np.concatenate([partition.place(rank).rings for rank in range(ranks)])
+    assert sorted(rings) == list(range(len(problem.rings.vertices)))
+    firsts = np.concatenate([partition.place(rank).firsts for rank in range(ranks)])
+    assert sorted(firsts) == list(range(len(problem.touched.vertices)))
+    for rank in range(ranks):
+        place, part = partition.place(rank), partition.part(rank)
+        local, here = part.problem, place.vertices
+        assert (np.diff(here) > 0).all()
+        assert local.order.tolist() == problem.order[here].tolist()
+        np.testing.assert_array_equal(here[local.rings.vertices], problem.rings.vertices[place.rings])
+        for mine, theirs in enumerate(place.rings):
+            one, other = entries(local, mine), entries(problem, theirs)
+            assert here[local.rings.others[one]].tolist() == problem.rings.others[other].tolist()
+            assert norms(local)[one].tolist() == norms(problem)[other].tolist()
+            assert batch_of(local, mine) == batch_of(problem, theirs)
+        assert local.freedom.axis.tolist() == problem.freedom.axis[place.rings].tolist()
+        qualities = corner_qualities(points, problem.touched)[part.corners]
+        assert corner_qualities(points[here], local.touched).tobytes() == qualities.tobytes()
+        assert part.corners[part.first].tolist() == place.firsts.tolist()
+
+
+@pytest.mark.parametrize("ranks", [2, 3, 40])
+def test_what_one_sends_in_a_batch_is_what_another_lacks(ranks):
+    problem, _ = problem_of("tetra")
+    partition = Partition(problem, ranks)
+    parts = [partition.part(rank) for rank in range(ranks)]
+    for rank, part in enumerate(parts):
+        here, rings = partition.place(rank).vertices, part.problem.rings
+        relaxed = np.isin(here, problem.rings.vertices)
+        ghosts = set(np.flatnonzero(relaxed).tolist()) - set(rings.vertices.tolist())
+        received = [int(vertex) for shared in part.received for vertex in shared.vertices]
+        assert sorted(received) == sorted(ghosts)
+        for shared in part.received:
+            (answer,) = [one for one in parts[shared.rank].sent if one.rank == rank]
+            there = partition.place(shared.rank).vertices
+            for batch in range(len(problem.batch_start) - 1):
+                lo, hi = problem.batch_start[batch : batch + 2]
+                asked = here[shared.of(batch)]
+                assert asked.tolist() == there[answer.of(batch)].tolist()
+                assert np.isin(asked, problem.rings.vertices[lo:hi]).all()
+
+
+def test_parts_have_as_many_vertices_but_for_one():
+    problem, _ = problem_of("tetra")
+    partition = Partition(problem, 3)
+    sizes = [len(partition.place(rank).rings) for rank in range(3)]
+    assert sum(sizes) == len(problem.rings.vertices)
+    assert max(sizes) - min(sizes) <= 1

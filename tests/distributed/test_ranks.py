@@ -1,0 +1,195 @@
+"""Jobs of several ranks: the bytes, report and messages of a run in one process, and how they end."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from dvr_cli.cli.main import main
+from meshes import KINDS, random_mesh, tangled
+from needs import require, require_program
+
+SWEEPS = "-d random,steepest -n 2 --tol 0 --no-polish --no-patches"
+# name of a mesh, and options
+RUNS = (
+    *((kind, SWEEPS) for kind in KINDS),
+    ("mirrored", SWEEPS),
+    ("triangle", "-d axis,circumferential,radial,optimal,narrowing -n 6 --order natural"),
+    ("tetra", "-d random -n 2 --order shuffled --seed 5"),
+    ("quad", f"{SWEEPS} --boundary slide"),
+    ("mixed3d", f"{SWEEPS} --boundary slide"),
+    ("triangle", "--patches -n 5"),
+    ("hexahedron", "--boundary slide --no-patches -n 4"),
+    ("tetra", "--target 0.4 -n 4"),
+    ("tetra", "-d random --polish --floor 0.9 -n 2"),
+    ("triangle", "--below 0.6 --layers 1 -n 3"),
+    ("tangled", "--untangle -n 2"),
+    ("tetra", "-d random --time-limit 1e-9"),
+    ("few", "-n 3"),  # fewer vertices than ranks
+    ("none", "-n 3"),
+)
+ENVIRONMENT = {
+    **os.environ,
+    "CI": "",
+    # Open MPI: more ranks than cores, and as root, as in containers
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+}
+
+
+@pytest.fixture(scope="module")
+def mpiexec():
+    require("mpi4py.MPI")
+    beside = Path(sys.executable).with_name("mpiexec")  # where the wheels of MPIs put it
+    return str(beside) if beside.exists() else require_program("mpiexec")
+
+
+def job(mpiexec, ranks, folder, commands, *fault):
+    """The process of a job, and the exit codes of its commands if it came so far."""
+    (folder / "commands.json").write_text(json.dumps(commands))
+    script = Path(__file__).with_name("job.py")
+    files = folder / "commands.json", folder / "codes.json"
+    words = [mpiexec, "-n", str(ranks), sys.executable, script, *files, *fault]
+    done = subprocess.run(
+        [str(word) for word in words],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=600,
+        env=ENVIRONMENT,
+        cwd=folder,
+    )
+    return done, json.loads(files[1].read_text()) if files[1].exists() else None
+
+
+def mesh_of(name):
+    if name == "few":
+        return random_mesh("quad", 0, n=3)  # 4 inner vertices
+    if name == "none":
+        return random_mesh("quad", 0, n=1)
+    if name == "tangled":
+        return tangled("triangle", 4, 0.9, 1)
+    if name == "mirrored":
+        mesh = random_mesh("tetra", 3)
+        cells = mesh.cells[0].vertices
+        cells[::3] = cells[::3, [1, 0, 2, 3]]
+        return mesh
+    return random_mesh(name, 1, noise=0.45)
+
+
+def write(folder, name):
+    mesh = mesh_of(name)
+    points = np.pad(mesh.points, ((0, 0), (0, 3 - mesh.points.shape[1])))
+    path = folder / f"{name}.vtk"
+    meshio.Mesh(points, [(block.type, block.vertices) for block in mesh.cells]).write(path)
+    return path
+
+
+def commands_of(folder, runs, *more):
+    """A command each, of which the meshes are in a folder, and the outputs in whatever folder it runs in."""
+    engine = ["--engine", "numpy", "--quiet", *more]
+    return [
+        ["smooth", str(write(folder, name)), f"{i}.vtk", *options.split(), *engine]
+        for i, (name, options) in enumerate(runs)
+    ]
+
+
+def without_times(report):
+    return re.sub(rb'"seconds": [^,}]*', b"", report)
+
+
+@pytest.fixture(scope="module")
+def serial(tmp_path_factory):
+    """The folder of the outputs of all runs in one process, and their exit codes."""
+    folder = tmp_path_factory.mktemp("serial")
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        return folder, [main(command) for command in commands_of(folder, RUNS)]
+    finally:
+        os.chdir(before)
+
+
+@pytest.mark.parametrize("ranks", [2, 3, 8, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 4))])
+def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, mpiexec, serial, ranks):
+    expected, codes = serial
+    commands = commands_of(expected, RUNS, "--mpi")
+    done, ends = job(mpiexec, ranks, tmp_path, commands)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert ends == codes
+    for i, run in enumerate(RUNS):
+        assert (tmp_path / f"{i}.vtk").read_bytes() == (expected / f"{i}.vtk").read_bytes(), run
+        reports = [(where / f"{i}.quality.json").read_bytes() for where in (tmp_path, expected)]
+        assert without_times(reports[0]) == without_times(reports[1]), run
+
+
+def test_vertices_moved_in_these_runs(serial):
+    folder, codes = serial
+    assert set(codes) == {0}
+    for i, (name, options) in enumerate(RUNS):
+        moved = (folder / f"{i}.vtk").read_bytes() != (folder / f"{name}.vtk").read_bytes()
+        assert moved == (name != "none" and "time-limit" not in options), RUNS[i]
+
+
+def test_messages_come_once(tmp_path, mpiexec):
+    """What is wrong with the input, options or walking is one line, and nothing is written."""
+    mesh = write(tmp_path, "tetra")
+    (tmp_path / "cut.vtk").write_bytes(mesh.read_bytes()[:-100])
+    more = ["--engine", "numpy", "--mpi"]
+    commands = [
+        ["smooth", "cut.vtk", "out.vtk", *more],
+        ["smooth", "tetra.vtk", "out.vtk", "--seed", "x", *more],
+        ["report", "quality", "tetra.vtk", "--mpi"],
+    ]
+    done, ends = job(mpiexec, 3, tmp_path, commands)
+    assert ends == [3, 2, 2]
+    lines = done.stderr.splitlines()
+    assert [line.split(":")[0] for line in lines] == ["dvr"] * 3
+    assert "cut.vtk" in lines[0]
+    assert done.stdout == ""
+    assert not list(tmp_path.glob("out*"))
+
+
+def test_boundaries_on_which_vertices_walk_are_refused(tmp_path, mpiexec):
+    mesh = random_mesh("tetra", 0, n=2)
+    radius = np.linalg.norm(mesh.points - 0.5, axis=1, keepdims=True)
+    size = np.abs(mesh.points - 0.5).max(axis=1, keepdims=True)
+    points = (mesh.points - 0.5) * size / np.where(radius > 0, radius, 1.0)  # a ball
+    meshio.Mesh(points, [("tetra", mesh.cells[0].vertices)]).write(tmp_path / "ball.vtk")
+    options = ["--boundary", "project", "--feature-angle", "120", "--engine", "numpy", "--mpi"]
+    done, ends = job(mpiexec, 2, tmp_path, [["smooth", "ball.vtk", "out.vtk", *options]])
+    assert ends == [2]
+    assert done.stderr == (
+        "dvr: error: mpi: curved boundaries and surfaces, whose vertices walk, are relaxed by one rank only\n"
+    )
+    assert not list(tmp_path.glob("out*"))
+
+
+def test_a_rank_that_fails_ends_the_job(tmp_path, mpiexec):
+    commands = commands_of(tmp_path, [("tetra", SWEEPS)], "--mpi")
+    done, ends = job(mpiexec, 3, tmp_path, commands, "a rank fails")
+    assert done.returncode != 0
+    assert ends is None
+    assert "dvr: internal error on rank 2: MemoryError: nothing left" in done.stderr
+    assert not (tmp_path / "0.vtk").exists()
+
+
+def test_an_interrupted_job_writes_what_it_has_reached(tmp_path, mpiexec):
+    """All ranks get the signal, as from a terminal; the leading one ends the sweep that follows."""
+    runs = [("tetra", "-d random -n 9 --tol 0 --no-polish")]
+    command = [word for word in commands_of(tmp_path, runs, "--mpi")[0] if word != "--quiet"]
+    done, ends = job(mpiexec, 3, tmp_path, [command], "interrupted")
+    assert ends == [130]
+    assert "interrupted" in done.stderr
+    report = json.loads((tmp_path / "0.quality.json").read_text())
+    assert report["stopped_because"] == "interrupted"
+    assert len(report["sweeps"]) == 1
+    assert (tmp_path / "0.vtk").read_bytes() != (tmp_path / "tetra.vtk").read_bytes()
