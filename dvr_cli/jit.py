@@ -5,6 +5,7 @@ Importing this module imports numba; only what has decided to compile does so.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from functools import cache
@@ -14,6 +15,8 @@ from typing import Any, TypeVar
 
 from numba import njit, types
 from numba.core import cgutils
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -84,6 +87,39 @@ def compiled_over(
             twin = FunctionType(value.__code__, known, name, value.__defaults__)
             known[name] = compiled(twin, no_cpython_wrapper=name not in entries)
     return known
+
+
+@cache
+def compile_in_turn() -> None:
+    """From now on compile when no other process that called this does, and load what those have compiled.
+
+    numba does not lock its cache: of two processes that write to it at once, one may lose what it wrote, or
+    find the other's code under its own signature. Where files cannot be locked nothing changes.
+    """
+    try:
+        import fcntl
+
+        lock = os.open(__file__, os.O_RDONLY)  # until the process ends
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        fcntl.flock(lock, fcntl.LOCK_UN)
+    except (ImportError, OSError):
+        return
+    compiled_alone, depth = Dispatcher.compile, 0
+
+    def compiled_in_turn(self: Dispatcher, signature: Any) -> Any:
+        nonlocal depth
+        with global_compiler_lock:  # one thread at a time, which may compile what the function calls
+            depth += 1
+            if depth == 1:
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            try:
+                return compiled_alone(self, signature)
+            finally:
+                depth -= 1
+                if depth == 0:
+                    fcntl.flock(lock, fcntl.LOCK_UN)
+
+    Dispatcher.compile = compiled_in_turn  # type: ignore[assignment, method-assign]
 
 
 @cache

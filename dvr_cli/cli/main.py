@@ -21,7 +21,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     if "--mpi" not in arguments:
         return _run(arguments)
-    from dvr_cli.distributed.ranks import run_on_ranks, world
+    from dvr_cli.distributed.job import world
+    from dvr_cli.distributed.ranks import run_on_ranks
 
     try:
         ranks = world()

@@ -37,8 +37,8 @@ def smooth(
     pictured = given["plot"] is not None or is_page(given["report"])
     work = partial(smooth_mesh, options=options, means=pictured)
     if given["mpi"]:
+        from dvr_cli.distributed.job import world
         from dvr_cli.distributed.lead import LeadEngine
-        from dvr_cli.distributed.ranks import world
 
         work = partial(work, make=partial(LeadEngine, world()))
     return run(source, output, work, given)

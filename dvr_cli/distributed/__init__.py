@@ -1,1 +1,1 @@
-"""Relaxing on several MPI ranks: each owns a piece of the Morton curve, and the bytes are those of one."""
+"""Relaxing on several MPI ranks, each of which owns a range of the vertices: the bytes are those of one."""

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from dvr_cli.distributed.member import Member
+from dvr_cli.distributed.job import JOIN, LEAD, ending_the_job
+from dvr_cli.distributed.member import member_of
 from dvr_cli.distributed.parts import Partition
-from dvr_cli.distributed.ranks import JOIN, LEAD, ending_the_job
 from dvr_cli.errors import UsageError
 from dvr_cli.relax.engines.choice import EngineKind
 from dvr_cli.relax.engines.engine import Engine
@@ -44,13 +44,10 @@ class LeadEngine(Engine):
         with ending_the_job(comm):
             for rank in range(1, comm.size):
                 comm.send(partition.part(rank), dest=rank)
-            part = partition.part(LEAD)
-            self._member = Member(comm, part, kind.make(part.problem, threads))
+            self._member = member_of(comm, partition.part(LEAD), kind, threads)
         self.threads = self._member.engine.threads
         self._points = np.empty((0, problem.components))
-        self._here = self._there = (
-            False  # whether the coordinates here, and those of the members, are current
-        )
+        self._here = self._there = False  # whether coordinates here, and those of members, are current
         self._sent: dict[str, np.ndarray] = {}
 
     # ------------------------------------------------------------------------------ coordinates
@@ -68,11 +65,8 @@ class LeadEngine(Engine):
 
     def _get(self) -> np.ndarray:
         if not self._here:
-            self._into(
-                self._points,
-                [self.problem.rings.vertices[place.rings] for place in self._places],
-                "give coordinates",
-            )
+            owned = [self.problem.rings.vertices[place.rings] for place in self._places]
+            self._into(self._points, owned, "give coordinates")
             self._here = True
         return self._points
 

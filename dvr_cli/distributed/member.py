@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from dvr_cli.backend import COMPILED
+from dvr_cli.distributed.job import LEAD
 from dvr_cli.distributed.parts import Part
-from dvr_cli.distributed.ranks import LEAD
-from dvr_cli.relax.engines.choice import KINDS
+from dvr_cli.relax.engines.choice import KINDS, EngineKind
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.steepest import Ascent
@@ -104,5 +105,13 @@ class Member:
 
 def joined(comm: Any, engine: str, threads: int) -> Member:
     """The member that a rank becomes with the part that the leading rank sends; engine: its name."""
-    part = comm.recv(source=LEAD)
-    return Member(comm, part, KINDS[engine].make(part.problem, threads))
+    return member_of(comm, comm.recv(source=LEAD), KINDS[engine], threads)
+
+
+def member_of(comm: Any, part: Part, kind: EngineKind, threads: int) -> Member:
+    """The member with a part; kind: of its engine."""
+    if kind.backend is COMPILED:  # one of the ranks that share a place for results compiles, the others wait
+        from dvr_cli.jit import compile_in_turn
+
+        compile_in_turn()
+    return Member(comm, part, kind.make(part.problem, threads))

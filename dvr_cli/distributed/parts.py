@@ -1,6 +1,6 @@
 """Parts of a problem: what each of several ranks needs to move its own vertices as they move on one.
 
-A rank *owns* the relaxed vertices of one range of the Morton curve, in which the problem numbers them. Its
+A rank *owns* the relaxed vertices of one range in Morton order, in which the problem numbers them. Its
 part has the rings of these, the corners that they are in, and as *ghosts* the other vertices of these. It
 numbers its vertices in the problem's order, so rings and ties come out as they do in the whole.
 

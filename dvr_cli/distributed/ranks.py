@@ -2,46 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any
 
-from dvr_cli.errors import UsageError
-
-LEAD = 0  # the rank that reads, decides and writes
-JOIN, END = "join", "end"  # what a rank is asked to do beside the tasks of a member
-_STARTED = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE")  # where MPIs say how many processes they have started
-_FAILED, _INTERRUPTED = 1, 130  # exit codes of a job that ends in the middle of a task
-
-
-def world() -> Any:
-    """The communicator of all ranks of the job.
-
-    Raises UsageError without mpi4py or an MPI that it finds, and where mpiexec is that of another MPI.
-    """
-    try:
-        from mpi4py import MPI
-    except (ImportError, RuntimeError) as error:
-        cause = "is not installed" if isinstance(error, ImportError) else "finds no MPI library"
-        raise UsageError(
-            f"mpi: mpi4py {cause} (pip install 'dvr-cli[mpi]', or 'dvr-cli[mpi-local]' for an MPI as well)"
-        ) from None
-    started = max(int(os.environ.get(name, 1)) for name in _STARTED)
-    if started > MPI.COMM_WORLD.size:
-        raise UsageError(
-            f"mpi: mpiexec started {started} processes of another MPI than mpi4py's, which sees one"
-        )
-    return MPI.COMM_WORLD
+from dvr_cli.distributed.job import END, FAILED, JOIN, LEAD, ending_the_job
 
 
 def run_on_ranks(comm: Any, command: Callable[[], int]) -> int:
     """Run a command on the leading rank, and follow it on all others; returns its exit code on each."""
     if comm.rank != LEAD:
         return follow(comm)
-    code = _FAILED
+    code = FAILED
     try:
         code = command()
     finally:
@@ -63,27 +35,9 @@ def follow(comm: Any) -> int:
             return int(arguments[0])
         with ending_the_job(comm):
             if task == JOIN:
-                from dvr_cli.distributed.member import joined
+                from dvr_cli.distributed.member import joined  # loads NumPy
 
                 member = joined(comm, *arguments)
             else:
                 assert member is not None
                 member.do(task, *arguments)
-
-
-@contextmanager
-def ending_the_job(comm: Any) -> Iterator[None]:
-    """Within this context a failure ends the whole job, as others wait for what this rank would send."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        print("dvr: interrupted", file=sys.stderr, flush=True)
-        comm.Abort(_INTERRUPTED)
-    except BaseException as error:
-        cause = f"{type(error).__name__}: {error}".replace("\n", " ")
-        print(
-            f"dvr: internal error on rank {comm.rank}: {cause} (please report it)",
-            file=sys.stderr,
-            flush=True,
-        )
-        comm.Abort(_FAILED)
