@@ -68,7 +68,7 @@ def smooth_mesh(
 
     Raises OutputError if rounding in the storage would make the mesh worse than it was.
     """
-    how = storage, on_sweep, interrupted, means
+    how = storage, on_sweep, interrupted, means, make
     if options.is_free and options.stopping.max_iterations:
         result = _smoothed(mesh, options, *how, unfolds=True)
         if result is not None:
@@ -85,6 +85,7 @@ def _smoothed(
     on_sweep: Callable[[Sweep], None] | None,
     interrupted: Callable[[], bool],
     means: bool,
+    make: Callable[[EngineKind, Problem, int | None], Engine],
     unfolds: bool,
 ) -> tuple[np.ndarray, SmoothReport] | None:
     """See ``smooth_mesh``; unfolds: whether what lies folded is unfolded first, None if that does no good."""
