@@ -17,7 +17,6 @@ from dvr_cli.relax.care import Care
 from dvr_cli.relax.directions import DirectionField
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.polish import PLAIN, Aim
-from dvr_cli.relax.quiet import Quiet
 from dvr_cli.relax.steepest import Ascent
 from dvr_cli.relax.stopping import Stopping, StopReason
 
@@ -81,19 +80,13 @@ def relax(
         seconds = time.perf_counter() - start
         return stopping.reason(history, seconds) if care is None else care.reason(len(sweeps), seconds)
 
-    quiet = Quiet(engine) if engine.problem.carriers is not None else None
     while (reason := ended()) is None:
         sweep_start = time.perf_counter()
         moved = 0
         active = None if care is None else care.active
         directions = _directions(field, len(sweeps), engine, active)
         for batch in range(engine.batches):
-            visited = active
-            if quiet is not None and isinstance(directions, Ascent):
-                visited = quiet.awake(batch, active)
-            moved += engine.move_batch(batch, directions, visited, enough)
-            if quiet is not None:
-                quiet.note(batch, visited if isinstance(directions, Ascent) else None)
+            moved += engine.move_batch(batch, directions, active, enough)
             if (cut := cut_short(start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
         if care is not None:
@@ -147,16 +140,12 @@ def polish(
     start = time.perf_counter()
     reached = measure(engine.qualities())
     sweeps: list[Sweep] = []
-    quiet = Quiet(engine) if engine.problem.carriers is not None else None
     while len(sweeps) < stopping.max_iterations:
         sweep_start = time.perf_counter()
         moved = 0
         active = None if below == np.inf else engine.ring_qualities() < below
         for batch in range(engine.batches):
-            visited = active if quiet is None else quiet.awake(batch, active)
-            moved += engine.polish_batch(batch, engine.mean_ascent(batch, aim, visited), limit, aim)
-            if quiet is not None:
-                quiet.note(batch, visited)
+            moved += engine.polish_batch(batch, engine.mean_ascent(batch, aim, active), limit, aim)
             if (cut := cut_short(start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
         qualities, before = engine.qualities(), reached

@@ -219,3 +219,16 @@ def test_scanned_noise_is_walked_on_far_from_the_origin():
     last = vector_of(engine, domain)
     assert sum(steps(engine, domain, "random")) > 5
     assert at_least(vector_of(engine, domain), last)
+
+
+@pytest.mark.parametrize("ascent", [STEEPEST, NARROWING])
+def test_only_active_rings_are_moved(ascent):
+    engine, domain = walkers(wavy(2, 3), 0.05)
+    active = np.zeros(len(engine.problem.rings.vertices), dtype=bool)
+    active[::3] = True
+    for batch in range(engine.batches):
+        engine.move_batch(batch, ascent, active)
+    moved = np.flatnonzero((engine.points != domain.points).any(axis=1))
+    allowed = engine.problem.order[engine.problem.rings.vertices[active]]
+    assert len(moved)
+    assert np.isin(moved, allowed).all()
