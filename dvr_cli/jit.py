@@ -48,26 +48,26 @@ def inlined(function: _Function) -> _Function:
 
 @intrinsic
 def bare(_: Any, arrays: Any) -> Any:
-    """The same array, or named tuple of arrays, without an owner, for use in compiled functions only.
+    """The same array, or named tuple of arrays or such tuples, without an owner.
 
-    Passing it on counts no references, which otherwise costs more than most functions do; whoever calls the
-    kernel keeps the arrays alive.
+    For use in compiled functions only. Passing it on counts no references, which otherwise costs more than
+    most functions do; whoever calls the kernel keeps the arrays alive.
     """
 
     def without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+        if not isinstance(kind, types.Array):
+            members = [
+                without_owner(context, builder, member, builder.extract_value(value, i))
+                for i, member in enumerate(kind.types)
+            ]
+            return context.make_tuple(builder, kind, members)
         array = context.make_array(kind)(context, builder, value)
         array.meminfo = cgutils.get_null_value(array.meminfo.type)
         array.parent = cgutils.get_null_value(array.parent.type)
         return array._getvalue()
 
-    def made(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        if isinstance(arrays, types.Array):
-            return without_owner(context, builder, arrays, args[0])
-        members = [
-            without_owner(context, builder, kind, builder.extract_value(args[0], i))
-            for i, kind in enumerate(arrays.types)
-        ]
-        return context.make_tuple(builder, arrays, members)
+    def made(context: Any, builder: Any, _: Any, args: Any) -> Any:
+        return without_owner(context, builder, arrays, args[0])
 
     return arrays(arrays), made
 

@@ -93,6 +93,30 @@ def test_modules_import_only_from_below(path):
     assert {one for one in imports(path) if layer_of(one) not in allowed} == set()
 
 
+MOST_ARGUMENTS = 8
+# Those with more pass on records one by one: taking them out of another anew for each vertex costs too much.
+LONG = {"relax/surface/walk.py": {"_walk_one": 10, "_walk": 10, "_lines": 9}}
+
+
+@pytest.mark.parametrize("path", MODULES, ids=str)
+def test_functions_take_few_arguments(path):
+    functions = (
+        node
+        for node in ast.walk(ast.parse((ROOT / path).read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    )
+    taken = {
+        one.name: [
+            arg.arg
+            for arg in (*one.args.posonlyargs, *one.args.args, *one.args.kwonlyargs)
+            if arg.arg not in ("self", "cls")
+        ]
+        for one in functions
+    }
+    long = {name: len(arguments) for name, arguments in taken.items() if len(arguments) > MOST_ARGUMENTS}
+    assert long == LONG.get(path.as_posix(), {})
+
+
 def test_no_module_imports_itself_by_way_of_others():
     """Inside folders, too, and counting what functions import when they are called, but for registries."""
     below = {
@@ -155,6 +179,40 @@ def test_a_run_loads_no_reader_of_other_formats(tmp_path):
     modules = loaded_by(f"from dvr_cli.cli.main import main; assert main({command!r}) == 0")
     packages = {f"dvr_cli.files.{path.parent.name}" for path in (ROOT / "files").glob("*/__init__.py")}
     assert packages & set(modules) == {"dvr_cli.files.vtk"}
+
+
+# What a run without curved cells, walks, untangling, patches and named sets has no use for.
+UNUSED = {
+    "dvr_cli.api.adapters.registry",
+    "dvr_cli.boundary.smooth_parts",
+    "dvr_cli.files.losses",
+    "dvr_cli.mesh.groups",
+    "dvr_cli.quality.cell_measures",
+    "dvr_cli.quality.curved",
+    "dvr_cli.quality.verdict",
+    "dvr_cli.relax.descent",
+    "dvr_cli.relax.lbfgs",
+    "dvr_cli.relax.surface.carriers",
+    "dvr_cli.relax.surface.walk",
+    "dvr_cli.relax.untangle.phase",
+    "dvr_cli.relax.patches.phase",
+    "dvr_cli.report.compare",
+    "dvr_cli.report.text",
+}
+
+
+def test_a_run_loads_nothing_that_it_does_not_use(tmp_path):
+    """Each module costs every short run up to a millisecond."""
+    assert NAMES.keys() >= UNUSED
+    header = "# vtk DataFile Version 4.2\none\nASCII\nDATASET UNSTRUCTURED_GRID\n"
+    points = "POINTS 5 double\n0 0 0 1 0 0 1 1 0 0 1 0 .8 .9 0\n"
+    cells = "CELLS 4 16\n3 0 1 4\n3 1 2 4\n3 2 3 4\n3 3 0 4\nCELL_TYPES 4\n5 5 5 5\n"
+    (tmp_path / "in.vtk").write_text(header + points + cells)
+    options = ["-q", "-d", "random", "--no-patches", "--engine", "numpy"]
+    command = ["smooth", str(tmp_path / "in.vtk"), str(tmp_path / "out.vtk"), *options]
+    modules = loaded_by(f"from dvr_cli.cli.main import main; assert main({command!r}) == 0")
+    assert UNUSED & set(modules) == set()
+    assert "dvr_cli.relax.sweeps" in modules  # it has relaxed
 
 
 def test_the_mathematics_needs_numpy_only():

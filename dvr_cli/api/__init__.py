@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dvr_cli.api.adapters.registry import CellArrays, as_mesh, with_points
 from dvr_cli.api.boundary import usual_moves
 from dvr_cli.api.metric import MetricSource
 from dvr_cli.api.options import Names, SmoothOptions, check_known
@@ -20,10 +19,12 @@ from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.region_choice import RegionChoice
 from dvr_cli.options import check_names, default
-from dvr_cli.quality.cell_measures import CELL_MEASURES, Geometry, distribution, summaries
 from dvr_cli.quality.measure import measure
-from dvr_cli.report.compare import Comparison, compare_qualities
 from dvr_cli.report.records import QualityReport, ShapeUse, SmoothReport, summarise
+
+if TYPE_CHECKING:
+    from dvr_cli.api.adapters.registry import CellArrays
+    from dvr_cli.report.compare import Comparison
 
 
 def smooth(
@@ -83,6 +84,8 @@ def _smooth(
     options: SmoothOptions,
 ) -> tuple[Any, SmoothReport]:
     """Points or mesh, as they were handed over, and the report."""
+    from dvr_cli.api.adapters.registry import as_mesh, with_points  # the command has meshes of its own
+
     points, report = smooth_mesh(as_mesh(mesh, cells), options)
     return with_points(mesh, points), report
 
@@ -101,6 +104,8 @@ def quality_report(
     regions, metric: as for ``smooth``.
     Raises InputError for meshes without elements whose quality is defined.
     """
+    from dvr_cli.api.adapters.registry import as_mesh
+
     options = SmoothOptions(regions=regions, metric=metric)
     return mesh_quality(as_mesh(mesh, cells), worst, options.region_choice, options.metric_source)
 
@@ -111,6 +116,8 @@ def compare(before: Any, *after: Any, metric: str | Path | np.ndarray | None = N
     metric: as for ``smooth``, of the first.
     Raises UsageError for one mesh alone, InputError when their cells differ.
     """
+    from dvr_cli.api.adapters.registry import as_mesh
+
     if not after:
         raise UsageError("compare: two or more meshes are needed")
     meshes = [as_mesh(mesh, None) for mesh in (before, *after)]
@@ -128,6 +135,8 @@ def mesh_quality(
 
     by_measure: the name of the measure whose worst cells and histogram are wanted, too.
     """
+    from dvr_cli.quality.cell_measures import CELL_MEASURES, Geometry, distribution, summaries
+
     domain = domain_of(mesh, regions=regions)
     if metric is not None:
         shapes = shaped(domain, "ideal", metric.tensors(mesh))
@@ -159,6 +168,8 @@ def compare_domains(
     meshes: Sequence[Mesh], domains: Sequence[Domain], metric: MetricSource | None = None
 ) -> Comparison:
     """As ``compare_meshes``, of meshes and their domains; relaxed are in all the vertices of the first."""
+    from dvr_cli.report.compare import compare_qualities
+
     same = same_connectivity(meshes)
     if metric is not None and not same:
         raise InputError("the cells differ: a metric of the first mesh says nothing about the others")

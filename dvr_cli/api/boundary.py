@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dvr_cli.boundary.constraints import Constraints, constraints_of, surface_constraints
-from dvr_cli.boundary.extent import extent
 from dvr_cli.boundary.features import features_of
 from dvr_cli.boundary.freedom import Freedom, interior_freedom
-from dvr_cli.boundary.smooth_parts import SmoothParts, smooth_parts_of
-from dvr_cli.boundary.unfolding import Unfolding, unfold
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.options import default
 from dvr_cli.report.records import BoundaryChange
+
+if TYPE_CHECKING:
+    from dvr_cli.boundary.smooth_parts import SmoothParts
+    from dvr_cli.boundary.unfolding import Unfolding
 
 _USUAL_DEVIATION = 1e-3  # bound on the deviation, in diagonals of the bounding box
 _ANGLES = (45.0, 60.0, 90.0, 120.0)  # feature angles that are advised
@@ -81,6 +83,8 @@ def moves_of(
         nowhere = np.zeros(len(mesh.points), dtype=bool)
         constraints = surface_constraints(mesh, domain)
         if bound is not None:
+            from dvr_cli.boundary.unfolding import unfold  # only where vertices walk
+
             unfolding = unfold(points, constraints, selected, angle, bound)
             points = unfolding.points
         smooth = features_of(points, nowhere, constraints, angle)
@@ -93,9 +97,13 @@ def moves_of(
         if boundary == "slide":
             return Moves(flat, None, constraints)
         if bound is not None and domain.dimension == 3:
+            from dvr_cli.boundary.unfolding import unfold
+
             unfolding = unfold(points, constraints, selected, angle, bound, domain.corners)
             points = unfolding.points
         smooth = features_of(points, domain.interior, constraints, angle)
+    from dvr_cli.boundary.smooth_parts import smooth_parts_of
+
     smooth = replace(smooth, freedom=smooth.freedom.only(selected))
     parts = smooth_parts_of(domain.points, constraints, smooth, flat, unfolding)
     found = unfolding if unfolding is not None and len(unfolding.folded) else None
@@ -159,6 +167,8 @@ def change_of(domain: Domain, points: np.ndarray, deviation: float, bound: float
 
     deviation: how far it is from the input's, and bound: how far it may be.
     """
+    from dvr_cli.boundary.extent import extent
+
     (volume, area), (new_volume, new_area) = extent(domain, domain.points), extent(domain, points)
     return BoundaryChange(
         deviation=deviation,

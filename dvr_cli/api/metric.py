@@ -9,7 +9,6 @@ import numpy as np
 
 from dvr_cli.errors import InputError, UsageError
 from dvr_cli.mesh.mesh import Mesh
-from dvr_cli.quality.metric import tensors_of
 
 _SUFFIXES = (".sol", ".solb")  # of MEDIT solutions
 
@@ -52,6 +51,8 @@ class MetricSource:
                 f"metric: no point field {self.name!r} (there are: {known}), nor a {suffixes} file"
             )
         try:
+            from dvr_cli.quality.metric import tensors_of
+
             return tensors_of(values, len(mesh.points))
         except InputError as error:
             raise InputError(f"metric {self.name}: {error}") from error

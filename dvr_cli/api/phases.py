@@ -1,10 +1,14 @@
-"""The phases of a run, one after the other: untangle, relax, patches, polish (see ``relax.phases``)."""
+"""The phases of a run, one after the other: untangle, relax, patches, polish (see ``relax.phases``).
+
+A phase that many runs do without is imported by those that have it.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,16 +16,17 @@ from dvr_cli.api.boundary import Moves, change_of
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.relax.care import level_of
-from dvr_cli.relax.descent import descend
 from dvr_cli.relax.directions import DirectionField, restrict_field
-from dvr_cli.relax.engines.engine import Engine, State
-from dvr_cli.relax.patches.phase import relax_patches
+from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.phases import Phase, PolishPhase
 from dvr_cli.relax.polish import PLAIN, Aim
 from dvr_cli.relax.stopping import Stopping, StopReason
 from dvr_cli.relax.sweeps import Relaxation, Sweep, polish, relax
-from dvr_cli.relax.untangle.phase import Untangling, untangle
 from dvr_cli.report.records import BoundaryChange
+
+if TYPE_CHECKING:
+    from dvr_cli.relax.engines.engine import State
+    from dvr_cli.relax.untangle.phase import Untangling
 
 _FLOOR = 0.999  # of Q1, where polishing has one floor for all and nobody gave another
 
@@ -68,12 +73,16 @@ class Run:
 
     def untangle(self) -> None:
         """Make inverted elements positive."""
+        from dvr_cli.relax.untangle.phase import untangle
+
         corners, freedom = self._domain.corners, self._moves.freedom
         self.untangling = untangle(self.points, corners, freedom, self._time_is_up)
         self.points = self.untangling.points
 
     def descend(self) -> None:
         """Lower the price of all elements, and find the level of care; see ``relax.descent``."""
+        from dvr_cli.relax.descent import descend
+
         hooks = self._on_sweep, self._interrupted
         self._load()
         descent = descend(self._engine, self._remaining(), *hooks)
@@ -119,6 +128,8 @@ class Run:
         problem = self._engine.problem
         ended = self.stopped_because in (StopReason.CONVERGED, StopReason.MAX_ITERATIONS)
         if ended and len(problem.free_rings):
+            from dvr_cli.relax.patches.phase import relax_patches
+
             hooks = self._on_sweep, self._interrupted
             if self.level is None and self._options.is_free and self._moves.parts is None:
                 self.level = self._level()

@@ -11,7 +11,6 @@ import numpy as np
 
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.domain import Domain
-from dvr_cli.mesh.groups import group_vertices
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.options import check_fields
@@ -60,6 +59,8 @@ class Selection:
 
 def _in_any(mesh: Mesh, option: str, names: tuple[str, ...]) -> np.ndarray:
     """(N,) bool: the vertices of the groups of these names."""
+    from dvr_cli.mesh.groups import group_vertices  # most runs name no group
+
     try:
         return np.any([group_vertices(mesh, name) for name in names], axis=0)
     except UsageError as error:

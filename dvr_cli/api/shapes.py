@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.quality.mean_ratio import corner_qualities
-from dvr_cli.quality.metric import Metric, metric_on
 from dvr_cli.quality.stretching import coherent
 from dvr_cli.quality.targets import FORMED, Targets, with_targets
 
+if TYPE_CHECKING:
+    from dvr_cli.quality.metric import Metric
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Shaped:
     """A domain whose corners have targets of their own.
 
@@ -65,6 +68,8 @@ def shaped(domain: Domain, shape: str, tensors: np.ndarray | None = None) -> Sha
     """
     nowhere = np.zeros(len(domain.points), dtype=bool)
     if tensors is not None:
+        from dvr_cli.quality.metric import metric_on
+
         metric = metric_on(domain, tensors)
         return Shaped(replace(domain, corners=metric.corners), domain, nowhere, metric=metric)
     if shape == "ideal":

@@ -19,8 +19,7 @@ from dvr_cli.api.untangling import reference_quality, tangled_left, untangle_pha
 from dvr_cli.errors import OutputError
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
-from dvr_cli.quality.curved import straightened
-from dvr_cli.quality.limits import FAIR, Limit, limit_of
+from dvr_cli.quality.limits import FAIR, limit_of
 from dvr_cli.quality.measure import Quality, mean_of_elements, measure
 from dvr_cli.quality.vector import at_least
 from dvr_cli.relax.directions import Entry, direction_field
@@ -167,7 +166,8 @@ def _smoothed(
         if domain.is_surface or options.boundary == "project":
             where = mesh, replace(domain, points=start_points), moves, selected, options.feature_angle
             shape = partial(held_by_shape, *where, engine.part_of_limit, bound)
-        limited_by = _limit(mesh, domain, options, masks, selected, relaxed, points, after, mends, shape)
+        held = _deselected(mesh, domain, options, masks, relaxed), _freer(mesh, domain, options, selected)
+        limited_by = limit_of(domain, points, relaxed, after, *held, mends, shape)
     plain = None
     if shapes.kept or shapes.metric:
         plain = measure(shapes.plain, mesh.points, relaxed), measure(shapes.plain, points, relaxed)
@@ -204,6 +204,8 @@ def _result(
     """The coordinates that a run has reached as points that will be kept, and their quality."""
     points = domain.lift(mesh.points, run.points)
     if domain.straighten:
+        from dvr_cli.quality.curved import straightened
+
         points = straightened(domain, points)
     if domain.is_tilted and is_worse(measure(domain, points, relaxed), reference):
         points, run.stopped_because = mesh.points.copy(), StopReason.ROUNDING
@@ -224,37 +226,34 @@ def _record_means(
     return after_sweep
 
 
-def _limit(
-    mesh: Mesh,
-    domain: Domain,
-    options: SmoothOptions,
-    masks: dict[str, np.ndarray],
-    selected: np.ndarray,
-    relaxed: np.ndarray,
-    points: np.ndarray,
-    after: Quality,
-    untangling_helps: bool,
-    shape: Callable[[np.ndarray], tuple[str, str] | None] | None,
-) -> Limit:
-    """The limit of Q1; masks: for each option of selection the vertices that it lets move, (N,) bool.
+def _deselected(
+    mesh: Mesh, domain: Domain, options: SmoothOptions, masks: dict[str, np.ndarray], relaxed: np.ndarray
+) -> dict[str, np.ndarray]:
+    """For each option of selection (N,) bool, the vertices that it keeps from moving.
 
-    selected: (N,) bool, those that all of them and the shape leave to move. relaxed, after: as in the run.
-    untangling_helps: whether there are inverted elements that were not untangled and could be. shape: how the
-    shape of a curved boundary or surface holds given vertices, see ``limit_of``.
+    masks: for each of them the vertices that it lets move, (N,) bool. relaxed: those that move in the run.
     """
     movable = relaxed
     if masks:
         movable = moves_of(mesh, domain, options.boundary, mesh.unlinked, options.feature_angle).relaxed
     everywhere = np.isin(np.arange(len(mesh.points)), movable)
-    deselected = {name: everywhere & ~mask for name, mask in masks.items()}
+    return {name: everywhere & ~mask for name, mask in masks.items()}
+
+
+def _freer(
+    mesh: Mesh, domain: Domain, options: SmoothOptions, selected: np.ndarray
+) -> dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]]:
+    """The treatments of the boundary that free more vertices than that of the options, as in ``limit_of``.
+
+    selected: (N,) bool, the vertices that selection and shape leave to move.
+    """
     others = () if domain.is_surface else BOUNDARIES[BOUNDARIES.index(options.boundary) + 1 :]
 
     def freed(name: str, vertices: np.ndarray) -> np.ndarray:
         moves = moves_of(mesh, domain.around(vertices), name, selected, options.feature_angle)
         return np.isin(vertices, moves.relaxed)
 
-    frees = {f"--boundary {name}": (partial(freed, name), BOUNDARY_KEEPS[name]) for name in others}
-    return limit_of(domain, points, relaxed, after, deselected, frees, untangling_helps, shape)
+    return {f"--boundary {name}": (partial(freed, name), BOUNDARY_KEEPS[name]) for name in others}
 
 
 def _stored_result(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,9 +14,10 @@ from dvr_cli.errors import InputError
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities
 from dvr_cli.quality.measure import Quality
-from dvr_cli.relax.phases import UntanglePhase
-from dvr_cli.relax.untangle.causes import REASONS, tangled_elements
-from dvr_cli.relax.untangle.phase import Untangling
+from dvr_cli.relax.phases import TANGLED, UntanglePhase
+
+if TYPE_CHECKING:
+    from dvr_cli.relax.untangle.phase import Untangling
 
 
 def untangles(options: SmoothOptions, domain: Domain, before: Quality) -> bool:
@@ -50,7 +52,9 @@ def tangled_left(domain: Domain, moves: Moves, points: np.ndarray, after: Qualit
     after: the quality there. A surface has none, as its elements have no sign of their own.
     """
     if domain.is_surface or not after.inverted + after.degenerate:
-        return dict.fromkeys(REASONS, 0)
+        return dict.fromkeys(TANGLED, 0)
+    from dvr_cli.relax.untangle.causes import tangled_elements
+
     return tangled_elements(domain.flatten(points), domain, moves.freedom)
 
 

@@ -25,7 +25,7 @@ ROUNDING = 32 * np.finfo(float).eps  # times the largest coordinate: what vertic
 EXACT = 1e-9  # but not more than this times the size of a facet or an edge
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Constraints:
     """The facets, lines and vertices that have to keep their shape and place.
 

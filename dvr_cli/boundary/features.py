@@ -25,7 +25,7 @@ from dvr_cli.mesh.facets import numbered
 _FLAT = 1e-6  # radians; a ridge less sharp than this is none, but its vertices are not in one plane either
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Features:
     """The freedom of the vertices of the constraint facets, and its reasons.
 
@@ -84,7 +84,7 @@ def features_of(
     return Features(Freedom(dimension, axis), ridges, ridge_label)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Star:
     """The facets around each vertex of a volume mesh.
 

@@ -11,7 +11,7 @@ from dvr_cli.mesh.simplex import Components, dot
 _PERPENDICULAR = 1e-9  # length below which what a unit vector has in a line or plane is rounding
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Freedom:
     """The directions in which each vertex may move.
 

@@ -23,7 +23,7 @@ from dvr_cli.mesh.facets import numbered
 from dvr_cli.mesh.orientation import connected_parts
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SmoothParts:
     """The vertices that walk, and the freedom of those that move exactly.
 

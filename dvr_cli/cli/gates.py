@@ -58,6 +58,8 @@ def failures(gates: Sequence[Gate], mesh: Mesh, points: np.ndarray, quality: Qua
 
     Raises InputError for a measure that its cells do not have.
     """
+    if not gates:
+        return []
     from dvr_cli.mesh.domain import domain_of
     from dvr_cli.quality import cell_measures
     from dvr_cli.report.text import gate_failure

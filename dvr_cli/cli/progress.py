@@ -35,6 +35,8 @@ class Progress:
 
     def sweep(self, sweep: Sweep) -> None:
         """Show what a sweep did."""
+        if not self._verbose and not self._live:
+            return
         from dvr_cli.report.text import sweep_line  # not before: help and wrong options need no NumPy
 
         if self._verbose:

@@ -43,11 +43,9 @@ def run(
     """
     from dvr_cli.files import writing
     from dvr_cli.files.reading import open_mesh
-    from dvr_cli.quality.cell_measures import measure_field
     from dvr_cli.quality.measure import cell_field
     from dvr_cli.relax.engines.choice import has_numba
     from dvr_cli.report.export import as_csv, as_json
-    from dvr_cli.report.text import smooth_text
 
     report, no_report, plot = given["report"], given["no_report"], given["plot"]
     output_format, quality_field = given["output_format"], given["quality_field"]
@@ -86,6 +84,8 @@ def run(
                 )
                 failed = failures(gates, opened.mesh, points, result.after)
                 if quality_field and measure is not None:
+                    from dvr_cli.quality.cell_measures import measure_field
+
                     destination.fill(measure_field(opened.mesh, measure, points), points)
                 elif quality_field:
                     destination.fill(cell_field(opened.mesh, result.after.elements), points)
@@ -98,12 +98,16 @@ def run(
                 writing.write_text(report, text + "\n")
             for picture in filter(None, [plot, report if page else None]):
                 progress.show(f"drawing {picture}")
+                from dvr_cli.report.text import smooth_text
+
                 summary = smooth_text(result, str(source), str(output))
                 states = {"before": (opened.mesh.points, result.before), "after": (points, result.after)}
                 write_picture(
                     picture, opened.mesh, states, str(output), summary, result.sweeps, result.kept, measure
                 )
     if not quiet:
+        from dvr_cli.report.text import smooth_text
+
         say(smooth_text(result, str(source), str(output), columns(sys.stderr)))
         relaxing = sum(sweep["seconds"] for sweep in result.sweeps)
         if relaxing > _LONG and not has_numba():

@@ -45,7 +45,7 @@ class Kind:
         return next((i for i, p in enumerate(self.properties) if p.name in names), None)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Places:
     """The places of the records of a kind.
 

@@ -49,7 +49,7 @@ def _even_permutation(first: int, n: int) -> tuple[int, ...]:
 ORIGIN_FIRST = {d: np.array([_even_permutation(p, d + 1) for p in range(d + 1)]) for d in (2, 3)}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ShapeTable:
     """The distinct target matrices of one dimension, as the engines read them.
 
@@ -122,7 +122,7 @@ for _known in CELL_TYPES.values():
         corner_shapes(_known)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Simplices:
     """Corners of whatever cells, each on its own.
 
@@ -149,7 +149,7 @@ class Simplices:
         return Simplices(self.vertices[which], self.shapes[which], self.table, held=held)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Corners(Simplices):
     """All corners of a set of cells of one dimension d.
 

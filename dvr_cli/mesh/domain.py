@@ -29,7 +29,7 @@ from dvr_cli.mesh.simplex import determinants
 _LARGEST = 1e50  # its sixth power, which comparing tetrahedra takes, is still a number
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Domain:
     """The part of a mesh that relaxation works on.
 

@@ -28,7 +28,7 @@ def outlines(block: Cells) -> np.ndarray:
     return block.vertices if outline == tuple(range(len(outline))) else block.vertices[:, outline]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Facets:
     """All facets of a mesh, once for each cell that has them.
 

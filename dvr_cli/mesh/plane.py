@@ -9,7 +9,7 @@ import numpy as np
 FLAT = 1e-8  # distance from the plane, relative to the mesh's extent, up to which points lie in it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plane:
     """A plane with two coordinates: coordinate axes of the file where possible, else an orthonormal pair.
 

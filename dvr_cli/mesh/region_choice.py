@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dvr_cli.errors import UsageError
-from dvr_cli.mesh.groups import group_cells
 from dvr_cli.mesh.hashing import mixed
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.ranks import ranks
@@ -104,6 +103,8 @@ def _named(mesh: Mesh, names: Sequence[str]) -> tuple[list[str], list[tuple[str,
                 raise UsageError(f"regions: the cell data {name!r} are not one number for each cell")
             data.append(name)
             continue
+        from dvr_cli.mesh.groups import group_cells  # most runs name no set
+
         inside = [np.flatnonzero(mask) for mask in group_cells(mesh, name)]
         if not any(map(len, inside)):
             known = [*mesh.cell_data, *mesh.cell_sets, *mesh.field_data]

@@ -15,7 +15,7 @@ from dvr_cli.mesh.corners import ORIGIN_FIRST, Simplices
 from dvr_cli.mesh.csr import group, row_entries
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rings:
     """The rings of m relaxed vertices, one after the other.
 
@@ -36,7 +36,7 @@ class Rings:
         return np.diff(self.start)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Incidence:
     """The corners that contain each of m vertices.
 

@@ -19,7 +19,7 @@ from dvr_cli.mesh.mesh import Cells, Mesh
 STRAIGHT = 1e-6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CurvedCells:
     """Curved second-order cells of one type, as they are stored.
 
@@ -33,7 +33,7 @@ class CurvedCells:
     sign: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MidNodes:
     """The nodes of second-order cells beside those of the linear cells, each once.
 

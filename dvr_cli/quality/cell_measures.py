@@ -100,7 +100,7 @@ def summary(measure: CellMeasure, values: np.ndarray) -> Summary:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Distribution:
     """The cells of a mesh by the value of one measure.
 

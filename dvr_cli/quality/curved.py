@@ -54,7 +54,7 @@ _FACTORS = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CurvedQuality:
     """The judgement of curved cells by their own Jacobian.
 
@@ -68,7 +68,7 @@ class CurvedQuality:
     uncertain: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Jacobian:
     """The Jacobian of a type of cells with n nodes, in d dimensions.
 

@@ -19,7 +19,7 @@ from dvr_cli.mesh.mesh import Cells
 _TINY = 1e-150  # keeps quotients of nothing by nothing finite
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Faces:
     """The faces of volume cells, each once, with its centre and vector area; cells with their centres.
 

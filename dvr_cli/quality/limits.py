@@ -22,7 +22,6 @@ import numpy as np
 
 from dvr_cli.mesh.corners import SHAPES
 from dvr_cli.mesh.domain import Domain
-from dvr_cli.quality.fans import fans
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.measure import Element, Quality
 
@@ -77,6 +76,8 @@ def limit_of(
     if moves.any() and element.quality > 0:
         among = np.unique([v for worst in quality.worst for v in _vertices(domain, worst)])
         among = among[_ideal_all_round(domain)[among]]
+        from dvr_cli.quality.fans import fans
+
         fan = min(fans(flat, domain.around(among).cells, among), key=lambda fan: fan.best, default=None)
         if fan is not None and fan.best < SEVERE and element.quality >= REACHED * fan.best:
             where = f"{'vertex' if len(fan.vertices) == 1 else 'edge'} {'-'.join(map(str, fan.vertices))}"

@@ -8,7 +8,6 @@ import numpy as np
 
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
-from dvr_cli.quality.curved import curved_quality
 from dvr_cli.quality.mean_ratio import DEGENERATE, cell_normals, corner_qualities, mean_quality, turned_over
 from dvr_cli.quality.measures import measured
 from dvr_cli.quality.vector import ring_minima
@@ -27,7 +26,7 @@ class Element:
     centroid: list[float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Quality:
     """The qualities of one mesh. All qualities are mean ratios in [-1, 1].
 
@@ -82,9 +81,7 @@ def measure(
     corners = domain.corners
     by_corner = _by_corner(domain, flat, inverted)
     elements = corners.by_cell(np.minimum, by_corner)
-    curved = curved_quality(domain, points)
-    bad = curved.element[curved.inverted]
-    elements[bad] = np.minimum(elements[bad], curved.quality[curved.inverted])
+    bad, unclear = _curved(domain, points, elements)
     turned = elements < -DEGENERATE
     turned[bad] = True
     moves = np.zeros(len(points), dtype=bool)
@@ -101,7 +98,7 @@ def measure(
         mean=mean_quality(elements),
         quantiles=_quantiles(elements),
         inverted=int(turned.sum()),
-        uncertain=int((curved.uncertain & ~turned[curved.element]).sum()),
+        uncertain=int((~turned[unclear]).sum()),
         degenerate=int(((np.abs(elements) <= DEGENERATE) & ~turned).sum()),
         measures=measured(domain, flat),
         histogram=counts,
@@ -110,6 +107,18 @@ def measure(
         vertices=relaxed[order],
         elements=elements,
     )
+
+
+def _curved(domain: Domain, points: np.ndarray, elements: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The curved elements that are inverted and those that may be; lowers their qualities in ``elements``."""
+    if not domain.curved:
+        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+    from dvr_cli.quality.curved import curved_quality  # most meshes have straight cells
+
+    curved = curved_quality(domain, points)
+    bad = curved.element[curved.inverted]
+    elements[bad] = np.minimum(elements[bad], curved.quality[curved.inverted])
+    return bad, curved.element[curved.uncertain]
 
 
 def _fixed_cap(

@@ -21,7 +21,7 @@ from dvr_cli.mesh.simplex import chunks
 FORMED = {2: 1e-6, 3: 1e-4}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Targets:
     """The place of each cell's target between the ideal shape and its own in the input.
 

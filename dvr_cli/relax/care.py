@@ -17,9 +17,9 @@ WORST = 0.004  # share of the elements that are below the level of care: patches
 LEAST = 32  # and so many they are at least
 
 
-def level_of(qualities: np.ndarray, share: float = WORST) -> float:
-    """The quality that this share of elements with these qualities (C,) is below, but LEAST of them."""
-    place = min(max(int(share * len(qualities)), LEAST), len(qualities) - 1)
+def level_of(qualities: np.ndarray, share: float = WORST, least: int = LEAST) -> float:
+    """The quality that this share of elements with these qualities (C,) is below, but so many at least."""
+    place = min(max(int(share * len(qualities)), least), len(qualities) - 1)
     return float(np.partition(qualities, place)[place])
 
 

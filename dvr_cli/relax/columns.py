@@ -15,7 +15,7 @@ from dvr_cli.relax.problem import Problem
 _CHUNK_CORNERS = 32768  # corners worked on at a time: small enough for the cache, large enough for NumPy
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RingChunk:
     """Independent vertices with rings of similar size, short rings padded with their last corner.
 

@@ -45,9 +45,9 @@ def set_ring(
         if scratch[SHAPE, c] != k:  # in most meshes all shapes are one and stay in place
             _set_shape(scratch, c, k, rings)
     if points.shape[1] == 2:
-        _set_lines_2d(points, vertex, d0, d1, rings.others, lo, n, scratch)
+        _set_lines_2d(points, vertex, d0, d1, ring, rings, scratch)
     else:
-        _set_lines_3d(points, vertex, d0, d1, d2, rings.others, lo, n, scratch)
+        _set_lines_3d(points, vertex, d0, d1, d2, ring, rings, scratch)
     if len(rings.factor):
         _set_metric_norms(points, vertex, d0, d1, d2, n, scratch)
     return n
@@ -73,12 +73,13 @@ def _set_lines_2d(
     vertex: int,
     d0: float,
     d1: float,
-    others: np.ndarray,
-    lo: int,
-    n: int,
+    ring: int,
+    rings: RingArrays,
     scratch: np.ndarray,
 ) -> None:
     """Coefficients of the lines of all corners of a ring; see ``line.coefficients``."""
+    others, lo = rings.others, rings.start[ring]
+    n = rings.start[ring + 1] - lo
     x0, x1 = points[vertex, 0], points[vertex, 1]
     dd = d0 * d0 + d1 * d1
     for c in range(n):
@@ -108,12 +109,13 @@ def _set_lines_3d(
     d0: float,
     d1: float,
     d2: float,
-    others: np.ndarray,
-    lo: int,
-    n: int,
+    ring: int,
+    rings: RingArrays,
     scratch: np.ndarray,
 ) -> None:
     """Coefficients of the lines of all corners of a ring; see ``line.coefficients``."""
+    others, lo = rings.others, rings.start[ring]
+    n = rings.start[ring + 1] - lo
     x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2]
     dd = d0 * d0 + d1 * d1 + d2 * d2
     for c in range(n):
@@ -147,7 +149,7 @@ def _set_lines_3d(
         along = scratch[SLOPE, c] * (d0 * e0 + d1 * e1 + d2 * e2)
         along = along + scratch[SLOPE + 1, c] * (d0 * f0 + d1 * f1 + d2 * f2)
         along = along + scratch[SLOPE + 2, c] * (d0 * g0 + d1 * g1 + d2 * g2)
-        scratch[S0, c] = _norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, scratch, c)
+        scratch[S0, c] = _norm_3d((e0, e1, e2), (f0, f1, f2), (g0, g1, g2), scratch, c)
         scratch[S1, c] = -along
         scratch[S2, c] = scratch[CURVATURE, c] * dd
 
@@ -178,7 +180,7 @@ def _set_metric_norms(
         along = scratch[SLOPE, c] * (u0 * e0 + u1 * e1 + u2 * e2)
         along = along + scratch[SLOPE + 1, c] * (u0 * f0 + u1 * f1 + u2 * f2)
         along = along + scratch[SLOPE + 2, c] * (u0 * g0 + u1 * g1 + u2 * g2)
-        scratch[S0, c] = _norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, scratch, c)
+        scratch[S0, c] = _norm_3d((e0, e1, e2), (f0, f1, f2), (g0, g1, g2), scratch, c)
         scratch[S1, c] = -along
         scratch[S2, c] = scratch[CURVATURE, c] * (u0 * u0 + u1 * u1 + u2 * u2)
 
@@ -201,7 +203,7 @@ def largest_metric_badness(x0: float, x1: float, x2: float, n: int, d: int, scra
             e0, e1, e2 = _through_end(scratch, c, END, x0, x1, x2)
             f0, f1, f2 = _through_end(scratch, c, END + 3, x0, x1, x2)
             g0, g1, g2 = _through_end(scratch, c, END + 6, x0, x1, x2)
-            s = _norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, scratch, c)
+            s = _norm_3d((e0, e1, e2), (f0, f1, f2), (g0, g1, g2), scratch, c)
         scratch[BADNESS, c] = badness(v, s, d)
     return scratch[BADNESS, first_largest(scratch, n)]
 
@@ -295,19 +297,16 @@ def _norm_2d(e0: float, e1: float, f0: float, f1: float, scratch: np.ndarray, c:
 
 @inlined
 def _norm_3d(
-    e0: float,
-    e1: float,
-    e2: float,
-    f0: float,
-    f1: float,
-    f2: float,
-    g0: float,
-    g1: float,
-    g2: float,
+    e: tuple[float, float, float],
+    f: tuple[float, float, float],
+    g: tuple[float, float, float],
     scratch: np.ndarray,
     c: int,
 ) -> float:
     """s of the corner in column c with edges e, f and g; see ``mean_ratio.weighted_norm``."""
+    e0, e1, e2 = e
+    f0, f1, f2 = f
+    g0, g1, g2 = g
     s = scratch[NORM, c] * (e0 * e0 + e1 * e1 + e2 * e2)
     s = s + scratch[NORM + 1, c] * (f0 * f0 + f1 * f1 + f2 * f2)
     s = s + scratch[NORM + 2, c] * (g0 * g0 + g1 * g1 + g2 * g2)
@@ -335,7 +334,7 @@ def largest_badness_3d(x0: float, x1: float, x2: float, n: int, scratch: np.ndar
         f0, f1, f2 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1, scratch[END + 5, c] - x2
         g0, g1, g2 = scratch[END + 6, c] - x0, scratch[END + 7, c] - x1, scratch[END + 8, c] - x2
         v = e0 * scratch[NORMAL, c] + e1 * scratch[NORMAL + 1, c] + e2 * scratch[NORMAL + 2, c]
-        scratch[BADNESS, c] = badness(v, _norm_3d(e0, e1, e2, f0, f1, f2, g0, g1, g2, scratch, c), 3)
+        scratch[BADNESS, c] = badness(v, _norm_3d((e0, e1, e2), (f0, f1, f2), (g0, g1, g2), scratch, c), 3)
     return scratch[BADNESS, first_largest(scratch, n)]
 
 

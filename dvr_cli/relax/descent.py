@@ -16,8 +16,9 @@ from dvr_cli.relax.care import level_of
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.stopping import Stopping, StopReason
-from dvr_cli.relax.sweeps import Relaxation, Sweep, polish
+from dvr_cli.relax.sweeps import Relaxation, Sweep, Work, polish
 
+_PHASE = "descent"
 _DEAR = 0.03  # share of the elements that cost more
 _NEAR = 1.1  # rings below so much of the quality at which that begins are visited
 _LOW_END = 0.01  # share of the elements whose growth counts
@@ -50,12 +51,12 @@ def descend(
     start = engine.state()
     floor, before = engine.q1(), np.sort(engine.ring_qualities())
     hooks = on_sweep, interrupted
-    outcome = polish(engine, floor, stopping, 0, *hooks, phase="descent")
+    outcome = polish(engine, floor, stopping, 0, *hooks, work=Work(_PHASE))
     dear = level_of(engine.qualities(), _DEAR)
     if not outcome.stopped_because.cuts_short and dear > 0.0:
         done, aim = len(outcome.sweeps), Aim(dear, relative=True)
         rest = stopping.less(sum(sweep.seconds for sweep in outcome.sweeps))
-        low = polish(engine, floor, rest, done, *hooks, "descent", aim, _NEAR * dear, _low_end)
+        low = polish(engine, floor, rest, done, *hooks, aim, Work(_PHASE, _NEAR * dear, _low_end))
         outcome = Relaxation(low.points, outcome.sweeps + low.sweeps, low.stopped_because)
     if not at_least(np.sort(engine.ring_qualities()), before):
         engine.restore(start)
@@ -66,5 +67,4 @@ def descend(
 
 
 def _low_end(qualities: np.ndarray) -> float:
-    place = int(_LOW_END * len(qualities))
-    return float(np.partition(qualities, place)[place])
+    return level_of(qualities, _LOW_END, 0)

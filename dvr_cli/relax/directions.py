@@ -29,7 +29,7 @@ DirectionField = Callable[[int, np.ndarray, np.ndarray], np.ndarray | Ascent]
 Entry = str | np.ndarray | tuple[str, np.ndarray]  # a name, an array, an array and its name in messages
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Setting:
     """The mesh and the options that a direction may depend on.
 

@@ -62,7 +62,7 @@ def maximise_minimum(lines: np.ndarray, n: int, d: int) -> tuple[float, float]:
     else:
         at = _inside(lines, low, high, low_corner, high_corner)
         worst = worst_corner(lines, n, at, d)
-    return _exchange(lines, n, d, at, worst, low, high, low_corner, high_corner), worst_now
+    return _exchange(lines, n, d, at, worst, (low, high), (low_corner, high_corner)), worst_now
 
 
 @inlined
@@ -83,12 +83,12 @@ def _exchange(
     d: int,
     at: float,
     worst: int,
-    low: float,
-    high: float,
-    a: int,
-    b: int,
+    ends: tuple[float, float],
+    corners: tuple[int, int],
 ) -> float:
     """λ by exchanging bracket corners, from ``at``, where ``worst`` is the worst; see ``line._exchange``."""
+    low, high = ends
+    a, b = corners
     bound = 0.0
     bottom_a = _lowest(lines, a, d) if low > -np.inf else np.nan
     bottom_b = _lowest(lines, b, d) if high < np.inf else np.nan

@@ -19,6 +19,9 @@ GUARANTEES = {
     "polish": "the quality vector below the level of care never decreases; with --floor Q1 stays above that",
 }
 
+# The elements that untangling leaves tangled, by reason; see ``untangle.causes.tangled_elements``.
+TANGLED = ("elements", "hopeless", "crossing")
+
 
 @dataclass(frozen=True)
 class Phase:

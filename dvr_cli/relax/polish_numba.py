@@ -23,6 +23,7 @@ from dvr_cli.relax.columns_numba import (
 from dvr_cli.relax.line import GAIN, ROUNDING
 from dvr_cli.relax.line_numba import root, s_at, v_at, worst_corner
 from dvr_cli.relax.polish import CLOSE, CUBE_ROOT, INSIDE, MAX_CLIPS, MAX_STEPS, SQUARINGS, SUM_GAIN, Aim
+from dvr_cli.relax.problem import RingFreedom
 from dvr_cli.relax.steepest_numba import axis_of, gradient, move, project
 
 
@@ -80,9 +81,7 @@ def mean_directions(
     start: int,
     stop: int,
     rings: RingArrays,
-    on_line: np.ndarray,
-    axis: np.ndarray,
-    active: np.ndarray,
+    freedom: RingFreedom,
     aim: Aim,
     scratch: np.ndarray,
 ) -> None:
@@ -92,10 +91,11 @@ def mean_directions(
     """
     scratch[SHAPE] = -1.0
     d = points.shape[1]
+    on_line, axis = freedom.on_line, freedom.axis
     for ring in range(start, stop):
         vertex = rings.vertices[ring]
         directions[ring] = 0.0
-        if not active[ring]:
+        if not freedom.active[ring]:
             continue
         n = set_ring(points, vertex, 0.0, 0.0, 0.0, ring, rings, scratch)
         if scratch[BADNESS, worst_corner(scratch, n, 0.0, d)] == np.inf:

@@ -8,24 +8,26 @@ together lies together in memory (docs/design.md, "The two numberings").
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.boundary.freedom import Freedom
-from dvr_cli.boundary.smooth_parts import SmoothParts
 from dvr_cli.mesh.corners import Corners, ShapeTable, Simplices
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.morton import morton_order
 from dvr_cli.mesh.rings import Rings, incidence_of
 from dvr_cli.relax.schedule import batches
-from dvr_cli.relax.surface.carriers import Carriers, carriers_of
+
+if TYPE_CHECKING:
+    from dvr_cli.boundary.smooth_parts import SmoothParts
+    from dvr_cli.relax.surface.carriers import Carriers
 
 _FEW_ROWS = 1000  # of a shape table, which any cache holds
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Problem:
     """Rings of the relaxed vertices in the order of a sweep, all in the problem's own numbering.
 
@@ -94,6 +96,18 @@ class RingArrays(NamedTuple):
     factor: np.ndarray
 
 
+class RingFreedom(NamedTuple):
+    """How far the vertices of rings may move, as kernels read it.
+
+    active: (m,) bool, the rings that are asked about. on_line, axis: (m,) and (m, d), see
+        ``freedom.project``; empty where all vertices move anywhere.
+    """
+
+    active: np.ndarray
+    on_line: np.ndarray
+    axis: np.ndarray
+
+
 def ring_arrays(problem: Problem) -> RingArrays:
     """The rings of a problem and its targets, for kernels."""
     rings, table = problem.rings, problem.touched.table
@@ -143,6 +157,8 @@ def build_problem(
     walk_start = carriers = None
     if parts is not None:
         free = [np.count_nonzero(~walks[incidence.vertices[part]]) for part in split]
+        from dvr_cli.relax.surface.carriers import carriers_of  # only where vertices walk
+
         walk_start = batch_start[:-1] + np.array(free, dtype=np.int64)
         carriers = carriers_of(corners, points, parts, number, rings, touched, touched_ids)
     return Problem(

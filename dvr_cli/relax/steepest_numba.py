@@ -24,6 +24,7 @@ from dvr_cli.relax.columns_numba import (
     to_metric,
 )
 from dvr_cli.relax.line_numba import worst_corner
+from dvr_cli.relax.problem import RingFreedom
 from dvr_cli.relax.steepest import MAX_TRANSFERS, SHORTEST, VANISHING
 
 
@@ -34,24 +35,22 @@ def steepest_directions(
     start: int,
     stop: int,
     rings: RingArrays,
-    on_line: np.ndarray,
-    axis: np.ndarray,
+    freedom: RingFreedom,
     band: float,
-    active: np.ndarray,
     scratch: np.ndarray,
 ) -> None:
     """Set the rows start .. stop of ``directions`` (m, d) to those of steepest ascent of their rings.
 
-    active: (m,) bool, the rings that are asked about; the rows of others become zero. on_line, axis: (m,)
-    and (m, d), see ``freedom.project``; empty where all vertices move anywhere.
-    The other arrays are as for ``relax_rings``.
+    The rows of rings that are not active become zero. band: see ``steepest.Ascent``. The other arguments are
+    as for ``relax_rings``.
     """
     scratch[SHAPE] = -1.0
     d = points.shape[1]
     keep = 1.0 - band
     keep = keep if d == 2 else keep * keep * keep
+    on_line, axis = freedom.on_line, freedom.axis
     for ring in range(start, stop):
-        if not active[ring]:
+        if not freedom.active[ring]:
             directions[ring] = 0.0
             continue
         vertex = rings.vertices[ring]

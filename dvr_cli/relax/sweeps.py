@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,7 +37,7 @@ class Sweep:
     mean: float | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Relaxation:
     """The result of a phase: coordinates (N, d), the sweeps done, why they stopped."""
 
@@ -116,6 +117,21 @@ def _directions(
     return directions
 
 
+class Work(NamedTuple):
+    """The work of a phase of polishing.
+
+    phase: its name in the sweeps. below: only rings with a worse quality are visited. measure: what of the
+    corners' qualities has to grow, by default their mean.
+    """
+
+    phase: str = "polish"
+    below: float = np.inf
+    measure: Callable[[np.ndarray], float] = mean_quality
+
+
+_POLISHING = Work()
+
+
 def polish(
     engine: Engine,
     floor: float,
@@ -123,27 +139,24 @@ def polish(
     done: int = 0,
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
-    phase: str = "polish",
     aim: Aim = PLAIN,
-    below: float = np.inf,
-    measure: Callable[[np.ndarray], float] = mean_quality,
+    work: Work = _POLISHING,
 ) -> Relaxation:
     """Raise the mean quality from where the engine is, with no quality that is above the floor falling below.
 
     Each vertex moves along the direction in which the price of its ring (see ``polish``) falls fastest, to
-    where it is lowest. Stops when the ``measure`` of the corners' qualities, by default their mean, grows by
-    less than ``stopping.tol`` in a sweep, and after its max_iterations and time_limit. done: how many sweeps
-    came before. on_sweep, interrupted: see ``relax``. phase: the name in the sweeps. aim: the price, and
-    whether the floor is one for all. below: only rings with a worse quality are visited.
+    where it is lowest. Stops when the measure of the ``work`` grows by less than ``stopping.tol`` in a sweep,
+    and after its max_iterations and time_limit. done: how many sweeps came before. on_sweep, interrupted: see
+    ``relax``. aim: the price, and whether the floor is one for all.
     """
-    limit = badness_of(floor, engine.problem.dimension)
+    limit, measure = badness_of(floor, engine.problem.dimension), work.measure
     start = time.perf_counter()
     reached = measure(engine.qualities())
     sweeps: list[Sweep] = []
     while len(sweeps) < stopping.max_iterations:
         sweep_start = time.perf_counter()
         moved = 0
-        active = None if below == np.inf else engine.ring_qualities() < below
+        active = None if work.below == np.inf else engine.ring_qualities() < work.below
         for batch in range(engine.batches):
             moved += engine.polish_batch(batch, engine.mean_ascent(batch, aim, active), limit, aim)
             if (cut := cut_short(start, stopping, interrupted)) is not None:
@@ -151,7 +164,7 @@ def polish(
         qualities, before = engine.qualities(), reached
         reached, mean = measure(qualities), mean_quality(qualities)
         seconds = time.perf_counter() - sweep_start
-        sweeps.append(Sweep(done + len(sweeps) + 1, phase, float(qualities.min()), moved, seconds, mean))
+        sweeps.append(Sweep(done + len(sweeps) + 1, work.phase, float(qualities.min()), moved, seconds, mean))
         if on_sweep is not None:
             on_sweep(sweeps[-1])
         if reached - before < stopping.tol:

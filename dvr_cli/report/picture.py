@@ -27,7 +27,7 @@ _LONG = 0.4  # times as high as wide, or less
 _PICKED = 0.05  # share of the elements that is picked out at most
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class State:
     """A mesh to be drawn: its name, its points (N, 2|3) as the mesh gives them, its quality.
 

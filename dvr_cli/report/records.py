@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,13 +13,14 @@ from dvr_cli.boundary.constraints import Constraints
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.region_choice import Divider
-from dvr_cli.quality.cell_measures import Distribution, Summary, by_quality
 from dvr_cli.quality.limits import Limit
 from dvr_cli.quality.measure import Quality
 from dvr_cli.quality.measures import units
-from dvr_cli.relax.phases import MorphPhase, Phase, UnfoldPhase, UntanglePhase
+from dvr_cli.relax.phases import TANGLED, MorphPhase, Phase, UnfoldPhase, UntanglePhase
 from dvr_cli.relax.stopping import StopReason
-from dvr_cli.relax.untangle.causes import REASONS
+
+if TYPE_CHECKING:
+    from dvr_cli.quality.cell_measures import Distribution, Summary
 
 
 def _units() -> dict[str, str]:
@@ -90,7 +91,7 @@ class ShapeUse:
     max_aspect: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class QualityReport:
     """The report of ``dvr report quality``.
 
@@ -112,6 +113,8 @@ class QualityReport:
     @property
     def distribution(self) -> Distribution:
         """The cells by the measure that was asked for, or by the mean ratio."""
+        from dvr_cli.quality.cell_measures import by_quality
+
         return self.by or by_quality(self.quality)
 
     def record(self, path: str | None = None) -> dict[str, Any]:
@@ -131,7 +134,7 @@ class QualityReport:
         }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SmoothReport:
     """The report of a command that moves vertices: qualities before and after, sweeps, how it was run.
 
@@ -169,7 +172,7 @@ class SmoothReport:
     engine: str
     threads: int
     options: dict[str, Any]
-    left: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(REASONS, 0))
+    left: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(TANGLED, 0))
     level: float | None = None
     boundary: BoundaryChange | None = None
     shape: ShapeUse = ShapeUse("ideal", 0, 1.0)

@@ -12,7 +12,7 @@ from dvr_cli.files.cgns.nodes import Node, children, integers_of, refuse_rind
 from dvr_cli.mesh.cell_types import CELL_TYPES
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Section:
     """Cells of one type in a section.
 

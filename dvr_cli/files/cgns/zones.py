@@ -14,7 +14,7 @@ from dvr_cli.files.cgns.sections import Section, read_sections
 from dvr_cli.files.container import CoordinateArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NamedSet:
     """A boundary condition, or a zone that belongs to a family.
 

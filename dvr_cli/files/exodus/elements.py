@@ -1,8 +1,8 @@
 """The element types of Exodus: their names, node orders and numbered sides.
 
-A name begins with that of a family, in any case, and the number of nodes decides the rest: HEX, hex8 and
-HEXAHEDRON with 8 nodes are the same. Node orders differ from meshio's where vertical edges come before those
-of the top face::
+A name begins with that of a family, in any case, and the number of nodes decides the rest, as the records of
+``mesh.cell_types`` say: HEX, hex8 and HEXAHEDRON with 8 nodes are the same. Node orders differ from meshio's
+where vertical edges come before those of the top face::
 
     Exodus, HEX20                     meshio, hexahedron20
 
@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 from dvr_cli.errors import InputError
 from dvr_cli.files.node_orders import UPRIGHT_BEFORE_UPPER
+from dvr_cli.mesh.cell_types import CELL_TYPES
 
 # The first three letters of a name: its family. Their order within Exodus's own library is the same test.
 _FAMILIES = {
@@ -44,43 +45,15 @@ _FAMILIES = {
     "WED": "wedge",
     "PYR": "pyramid",
 }
-# (family, nodes): meshio's type
-_TYPES = {
-    ("point", 1): "vertex",
-    ("line", 2): "line",
-    ("line", 3): "line3",
-    ("triangle", 3): "triangle",
-    ("triangle", 6): "triangle6",
-    ("triangle", 7): "triangle7",
-    ("quad", 4): "quad",
-    ("quad", 8): "quad8",
-    ("quad", 9): "quad9",
-    ("shell", 2): "line",
-    ("shell", 3): "triangle",
-    ("shell", 4): "quad",
-    ("shell", 6): "triangle6",
-    ("shell", 8): "quad8",
-    ("shell", 9): "quad9",
-    ("tetra", 4): "tetra",
-    ("tetra", 10): "tetra10",
-    ("hexahedron", 8): "hexahedron",
-    ("hexahedron", 20): "hexahedron20",
-    ("hexahedron", 27): "hexahedron27",
-    ("wedge", 6): "wedge",
-    ("wedge", 15): "wedge15",
-    ("wedge", 18): "wedge18",
-    ("pyramid", 5): "pyramid",
-    ("pyramid", 13): "pyramid13",
-    ("pyramid", 14): "pyramid14",
-}
+# The linear types that a family has, where its name is not that of one.
+_LINEAR = {"point": ("vertex",), "shell": ("triangle", "quad", "line")}
 # meshio's type: the place in Exodus of each node in meshio's order, where these differ
 NODE_ORDER: dict[str, tuple[int, ...]] = {
     **UPRIGHT_BEFORE_UPPER,
     "hexahedron27": (*UPRIGHT_BEFORE_UPPER["hexahedron20"], 23, 24, 25, 26, 21, 22, 20),
     "wedge18": (*UPRIGHT_BEFORE_UPPER["wedge15"], 15, 16, 17),
 }
-_EDGES_3 = ((0, 1), (1, 2), (2, 0))
-_EDGES_4 = ((0, 1), (1, 2), (2, 3), (3, 0))
+_EDGES_3, _EDGES_4 = CELL_TYPES["triangle"].facets, CELL_TYPES["quad"].facets
 # The corner vertices of each side, in the order in which Exodus numbers them.
 _SIDES: dict[str, tuple[tuple[int, ...], ...]] = {
     "point": ((0,),),
@@ -118,7 +91,7 @@ def element_type(name: str, nodes: int, dimension: int) -> ElementType:
     """
     upper = name.strip().upper()
     family = _FAMILIES.get(upper[:3])
-    cell_type = _TYPES.get((family or "", nodes))
+    cell_type = None if family is None else _cell_type(family, nodes)
     if family is None or cell_type is None:
         what = f"elements of type {upper}" if upper else "elements without a type"
         raise InputError(f"{what} with {nodes} nodes are not supported")
@@ -126,3 +99,12 @@ def element_type(name: str, nodes: int, dimension: int) -> ElementType:
         corners = 2 if nodes == 2 else 3 if nodes in (3, 6, 7) else 4
         return ElementType(cell_type, _SHELL_SIDES[corners])
     return ElementType(cell_type, _SIDES[family])
+
+
+def _cell_type(family: str, nodes: int) -> str | None:
+    """The type with so many nodes that is of a linear type of the family, or that type itself."""
+    for linear in _LINEAR.get(family, (family,)):
+        for known in CELL_TYPES.values():
+            if known.nodes == nodes and linear in (known.name, known.linear and known.linear.name):
+                return known.name
+    return None

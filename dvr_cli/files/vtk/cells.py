@@ -68,7 +68,7 @@ _UNSUPPORTED = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CellList:
     """Cells as VTK lists them.
 

@@ -10,7 +10,6 @@ from typing import BinaryIO
 
 import numpy as np
 
-from dvr_cli.files.losses import not_kept
 from dvr_cli.files.numbers_in_text import parse_numbers, token_spans, write_replaced
 from dvr_cli.files.source import Source, differing, rounded
 from dvr_cli.files.vtk.cells import blocks_of, structured_block
@@ -115,11 +114,12 @@ def read(data: bytes) -> VtkSource:
         point_data, cell_arrays, unread = read_data(scanner, len(geometry.points), n_cells)
     cell_data = {name: [array[number] for number in numbers] for name, array in cell_arrays.items()}
     mesh = Mesh(geometry.points.astype(np.float64), blocks, cell_data, point_data)
-    left_out = [
-        line
-        for what in dict.fromkeys(kind for kind, _ in scanner.passed)
-        for line in not_kept((name for kind, name in scanner.passed if kind == what), what)
-    ]
+    left_out = []
+    if scanner.passed:
+        from dvr_cli.files.losses import not_kept
+
+        for what in dict.fromkeys(kind for kind, _ in scanner.passed):
+            left_out += not_kept((name for kind, name in scanner.passed if kind == what), what)
     left_out += [] if unread is None else [f"some data are not read: {unread}"]
     return VtkSource(data, mesh, geometry.section, left_out)
 

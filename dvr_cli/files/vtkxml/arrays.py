@@ -64,7 +64,7 @@ class StoredArray:
     limit: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Stored:
     """An array as its bytes say.
 

@@ -25,7 +25,7 @@ from dvr_cli.files.xml_places import Edit, Element, attribute_place, edited, par
 from dvr_cli.mesh.mesh import Mesh
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Coordinates:
     """An array of coordinates.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,11 +14,12 @@ from dvr_cli.quality.vector import ring_minima
 from dvr_cli.relax.polish import PLAIN, Aim
 from dvr_cli.relax.problem import Problem, ring_arrays
 from dvr_cli.relax.steepest import Ascent
-from dvr_cli.relax.surface.carriers import Standing
-from dvr_cli.relax.surface.overlay import renew
-from dvr_cli.relax.surface.walk import walk_directions, walk_rings
 
-State = tuple[np.ndarray, Standing | None]
+if TYPE_CHECKING:
+    from dvr_cli.relax.surface.carriers import Carriers, Standing
+    from dvr_cli.relax.surface.walk import Walk
+
+    State = tuple[np.ndarray, Standing | None]
 
 
 class Engine(ABC):
@@ -110,6 +111,8 @@ class Engine(ABC):
         carriers, standing = self.problem.carriers, self._standing
         if carriers is None or standing is None:
             return 0.0
+        from dvr_cli.relax.surface.overlay import renew
+
         self.backend.twin(renew)(self._get(), carriers.ground, carriers.stars, standing)
         return carriers.deviation(standing, self._get())
 
@@ -124,7 +127,7 @@ class Engine(ABC):
     def state(self) -> State:
         """A copy of where the vertices are, for ``restore``."""
         standing = self._standing
-        return self._get().copy(), None if standing is None else Standing(*(a.copy() for a in standing))
+        return self._get().copy(), None if standing is None else type(standing)(*(a.copy() for a in standing))
 
     def restore(self, state: State) -> None:
         """Go back to a state that was copied."""
@@ -216,26 +219,35 @@ class Engine(ABC):
         carriers, standing = self.problem.carriers, self._standing
         if lo == hi or carriers is None or standing is None:
             return 0
+        from dvr_cli.relax.surface.walk import Purpose, walk_rings  # only where vertices walk
+
         kernel = self.backend.twin(walk_rings)
+        walk, purpose = self._walkers(carriers, standing), Purpose(carriers.limit, polishing, floor)
 
         def part(a: int, b: int) -> int:
-            moving = self._get(), directions, a, b, self._rows
-            walked = carriers.ground, carriers.stars, carriers.corners, standing, carriers.limit
-            return kernel(*moving, *walked, polishing, floor, self._largest_ring)
+            return kernel(walk, directions, a, b, purpose, self._largest_ring)
 
         return sum(self._in_parts(part, lo, hi))
+
+    def _walkers(self, carriers: Carriers, standing: Standing) -> Walk:
+        """What walks read and change."""
+        from dvr_cli.relax.surface.walk import Walk
+
+        return Walk(self._get(), self._rows, carriers.ground, carriers.stars, carriers.corners, standing)
 
     def _point_ahead(self, lo: int, hi: int, band: float, active: np.ndarray | None) -> None:
         """Set the directions of the vertices of the rings lo .. hi, which walk; see ``walk_directions``."""
         carriers, standing = self.problem.carriers, self._standing
         if lo == hi or carriers is None or standing is None:
             return
+        from dvr_cli.relax.surface.walk import walk_directions
+
         kernel = self.backend.twin(walk_directions)
+        walk = self._walkers(carriers, standing)
         visited = self._all if active is None else active
 
         def part(a: int, b: int) -> None:
-            moving = self._get(), self._directions, a, b, self._rows
-            kernel(*moving, carriers.ground, carriers.corners, standing, band, visited, self._largest_ring)
+            kernel(walk, self._directions, a, b, band, visited, self._largest_ring)
 
         self._in_parts(part, lo, hi)
 

@@ -17,7 +17,7 @@ from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.enough_numba import relax_rings
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.polish_numba import mean_directions, polish_rings
-from dvr_cli.relax.problem import Problem
+from dvr_cli.relax.problem import Problem, RingFreedom
 from dvr_cli.relax.steepest_numba import steepest_directions
 
 _LEAST = 512  # rings or corners in a part at least: fewer cost more than they save
@@ -52,10 +52,10 @@ class NumbaEngine(Engine):
         return sum(self._run(relax_rings, lo, hi, directions, float(enough)))
 
     def _steepest(self, batch: int, lo: int, hi: int, band: float, active: np.ndarray) -> None:
-        self._run(steepest_directions, lo, hi, self._directions, *self._within, band, active)
+        self._run(steepest_directions, lo, hi, self._directions, RingFreedom(active, *self._within), band)
 
     def _mean_ascent(self, batch: int, lo: int, hi: int, aim: Aim, active: np.ndarray) -> None:
-        self._run(mean_directions, lo, hi, self._directions, *self._within, active, aim)
+        self._run(mean_directions, lo, hi, self._directions, RingFreedom(active, *self._within), aim)
 
     def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float, aim: Aim) -> int:
         return sum(self._run(polish_rings, lo, hi, directions, float(limit), aim))

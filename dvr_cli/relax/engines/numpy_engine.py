@@ -13,7 +13,6 @@ from dvr_cli.quality.badness import badness, worst_corner
 from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.columns import RingChunk, ring_chunks
 from dvr_cli.relax.engines.engine import Engine
-from dvr_cli.relax.enough import nearest
 from dvr_cli.relax.line import coefficients, improves, maximise_minimum
 from dvr_cli.relax.polish import Aim, keeps, lowest_price, mean_ascent, price
 from dvr_cli.relax.problem import Problem
@@ -104,6 +103,8 @@ class NumpyEngine(Engine):
         lines = coefficients(x, direction, ends, norm, slope, curvature, factor)
         step, before = maximise_minimum(lines)
         if enough > 0.0:
+            from dvr_cli.relax.enough import nearest
+
             step = nearest(lines, step, enough)
         moving = np.flatnonzero(step != 0.0)
         if not len(moving):

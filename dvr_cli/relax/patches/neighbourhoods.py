@@ -14,7 +14,7 @@ from dvr_cli.relax.problem import Problem
 ROUND = 32  # patches at most
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Patches:
     """P patches that share no corner, all in the problem's numbering.
 

@@ -110,7 +110,7 @@ class Standing(NamedTuple):
     next_host: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Carriers:
     """The facets and curves that the vertices of a problem walk on.
 

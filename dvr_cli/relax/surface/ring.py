@@ -30,12 +30,12 @@ _Arrays = TypeVar("_Arrays")
 
 
 def bare(arrays: _Arrays) -> _Arrays:
-    """An array, or a named tuple of arrays, as kernels read single numbers fastest.
+    """An array, or a named tuple of arrays or of such tuples, as kernels read single numbers fastest.
 
     Here these are memory views, whose items are plain numbers; compiled see ``jit.bare``.
     """
     if isinstance(arrays, tuple):
-        return type(arrays)(*[memoryview(array) for array in arrays])
+        return type(arrays)(*map(bare, arrays))
     return memoryview(arrays)  # type: ignore[arg-type, return-value]
 
 

@@ -13,12 +13,14 @@ stand on, and the mesh is nowhere farther from the input than the limit. Else th
 shorter.
 
 These are kernels, written for one vertex at a time over the functions of ``ring``; ``walk_numba`` has them
-compiled over those of ``ring_numba``, so both do the same operations in the same order.
+compiled over those of ``ring_numba``, so both do the same operations in the same order. Records are taken out
+of ``Walk`` once and passed on one by one: to take them out for each vertex costs a tenth of the time.
 """
 
 from __future__ import annotations
 
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -51,64 +53,63 @@ from dvr_cli.relax.surface.ring import (
 
 _TRIES = 4  # walks tried, each at most half as long as the one before
 _CROSSINGS = 64  # edges and vertices passed on a walk; about 1 is usual
+_STILL = (0.0, 0.0, 0.0)  # the direction of a vertex that is not to move
 _ACROSS = 1e-9  # length below which what a unit vector has in a plane or along a line is rounding
+
+Vector = tuple[float, float, float]
+
+
+class Walk(NamedTuple):
+    """What walks happen on and where they have come to. Kernels change ``points`` and ``standing``.
+
+    points: (N, d) coordinates in the problem's numbering. The others are those of the problem.
+    """
+
+    points: np.ndarray
+    rings: RingArrays
+    ground: Ground
+    stars: Stars
+    corners: RingCorners
+    standing: Standing
+
+
+class Purpose(NamedTuple):
+    """What a walk is for, and what it must keep to.
+
+    limit: how far the mesh may come from the input. polishing: whether to lower the sum of 1/Q, with no
+        badness above ``floor``, instead of raising the minimum.
+    """
+
+    limit: float
+    polishing: bool
+    floor: float
 
 
 def walk_rings(
-    points: np.ndarray,
-    directions: np.ndarray,
-    start: int,
-    stop: int,
-    rings: RingArrays,
-    ground: Ground,
-    stars: Stars,
-    corners: RingCorners,
-    standing: Standing,
-    limit: float,
-    polishing: bool,
-    floor: float,
-    largest_ring: int,
+    walk: Walk, directions: np.ndarray, start: int, stop: int, purpose: Purpose, largest_ring: int
 ) -> int:
     """Walk the vertices of rings start .. stop, which are independent, each along its direction.
 
-    points: (N, d), changed in place, as is ``standing``. directions: (m, d). limit: on the distance from the
-    input. polishing: whether to lower the sum of 1/Q, with no badness above ``floor``, instead of raising the
-    minimum. Returns how many vertices moved.
+    directions: (m, d). largest_ring: corners in a ring at most. Returns how many vertices moved.
     """
-    points, directions, rings, ground = bare(points), bare(directions), bare(rings), bare(ground)
-    stars, corners, standing = bare(stars), bare(corners), bare(standing)
+    walk, directions = bare(walk), bare(directions)
+    points, rings, ground, stars = walk.points, walk.rings, walk.ground, walk.stars
+    corners, standing = walk.corners, walk.standing
     scratch = new_scratch(largest_ring)
     moved = 0
     for ring in range(start, stop):
-        vertex = rings.vertices[ring]
-        if standing.at[vertex] >= 0 and _walk_one(
-            points,
-            directions,
-            ring,
-            vertex,
-            rings,
-            ground,
-            stars,
-            corners,
-            standing,
-            limit,
-            polishing,
-            floor,
-            scratch,
+        if standing.at[rings.vertices[ring]] >= 0 and _walk_one(
+            points, directions, ring, rings, ground, stars, corners, standing, purpose, scratch
         ):
             moved += 1
     return moved
 
 
 def walk_directions(
-    points: np.ndarray,
+    walk: Walk,
     directions: np.ndarray,
     start: int,
     stop: int,
-    rings: RingArrays,
-    ground: Ground,
-    corners: RingCorners,
-    standing: Standing,
     band: float,
     active: np.ndarray,
     largest_ring: int,
@@ -119,8 +120,9 @@ def walk_directions(
     along which the sum of 1/Q falls fastest. active: (m,) bool, the rings that are asked about. Rows of
     others and of vertices that do not walk become zero.
     """
-    points, directions, rings, ground = bare(points), bare(directions), bare(rings), bare(ground)
-    corners, standing, active = bare(corners), bare(standing), bare(active)
+    walk, directions, active = bare(walk), bare(directions), bare(active)
+    points, rings, ground = walk.points, walk.rings, walk.ground
+    corners, standing = walk.corners, walk.standing
     scratch = new_scratch(largest_ring)
     d, components = rings.others.shape[1], points.shape[1]
     keep = 1.0 - band
@@ -131,18 +133,18 @@ def walk_directions(
             directions[ring, i] = 0.0
         if standing.at[vertex] < 0 or not active[ring]:
             continue
-        n = _lines(points, vertex, 0.0, 0.0, 0.0, ring, rings, ground, corners, standing, True, scratch)
+        n = _lines(points, ring, _STILL, rings, ground, corners, standing, True, scratch)
         worst = worst_of(scratch, n, d)
         largest = scratch[BADNESS, worst]
         if band < 0.0:
             if largest < np.inf:
                 set_inverses(scratch, n, d)
-                _mean_direction(points, directions, vertex, ring, n, rings, ground, standing, scratch)
+                _mean_direction(points, directions, ring, n, rings, ground, standing, scratch)
             continue
         count, initial = 0, -1
         for c in range(n):
             if scratch[BADNESS, c] >= largest * keep:
-                _gradient(points, vertex, ring, c, largest < np.inf, rings, scratch, count)
+                _gradient(points, ring, c, largest < np.inf, rings, scratch, count)
                 _onto_carrier(vertex, count, components, ground, standing, scratch)
                 if _square(scratch, count, components) < np.inf:
                     if c == worst:
@@ -154,7 +156,6 @@ def walk_directions(
 def _mean_direction(
     points: np.ndarray,
     directions: np.ndarray,
-    vertex: int,
     ring: int,
     n: int,
     rings: RingArrays,
@@ -163,11 +164,11 @@ def _mean_direction(
     scratch: np.ndarray,
 ) -> None:
     """Set a row of ``directions`` to that of fastest fall of the sum of 1/Q, which stands in the scratch."""
-    components = points.shape[1]
+    vertex, components = rings.vertices[ring], points.shape[1]
     total = n - 1  # the column of the sum
     t0 = t1 = t2 = 0.0
     for c in range(n):
-        _gradient(points, vertex, ring, c, True, rings, scratch, total)
+        _gradient(points, ring, c, True, rings, scratch, total)
         inverse = scratch[BADNESS, c]
         t0 = t0 + inverse * scratch[GRADIENT, total]
         t1 = t1 + inverse * scratch[GRADIENT + 1, total]
@@ -183,19 +184,13 @@ def _mean_direction(
 
 
 def _gradient(
-    points: np.ndarray,
-    vertex: int,
-    ring: int,
-    c: int,
-    positive: bool,
-    rings: RingArrays,
-    scratch: np.ndarray,
-    to: int,
+    points: np.ndarray, ring: int, c: int, positive: bool, rings: RingArrays, scratch: np.ndarray, to: int
 ) -> None:
     """d/2 times the gradient of log 1/Q of the corner in column c, put into column ``to``.
 
     positive: false for the unit vector against which the determinant grows, where a ring is not positive.
     """
+    vertex = rings.vertices[ring]
     d, components = rings.others.shape[1], points.shape[1]
     if not positive:
         size = 0.0
@@ -245,58 +240,45 @@ def _walk_one(
     points: np.ndarray,
     directions: np.ndarray,
     ring: int,
-    vertex: int,
     rings: RingArrays,
     ground: Ground,
     stars: Stars,
     corners: RingCorners,
     standing: Standing,
-    limit: float,
-    polishing: bool,
-    floor: float,
+    purpose: Purpose,
     scratch: np.ndarray,
 ) -> bool:
     """Walk one vertex; whether it moved."""
-    d = rings.others.shape[1]
+    vertex, d, number = rings.vertices[ring], rings.others.shape[1], corners.number
     at, u, w = standing.at[vertex], standing.u[vertex], standing.w[vertex]
     x0, x1 = points[vertex, 0], points[vertex, 1]
     x2 = points[vertex, 2] if points.shape[1] == 3 else 0.0
-    longest = np.inf
+    limit, longest = purpose.limit, np.inf
     for _ in range(_TRIES):
         walked, before = _walk(
-            points,
-            directions,
-            ring,
-            vertex,
-            rings,
-            ground,
-            corners,
-            standing,
-            longest,
-            polishing,
-            floor,
-            scratch,
+            points, directions, ring, longest, rings, ground, corners, standing, purpose, scratch
         )
         if walked == 0.0:
             _put(points, vertex, x0, x1, x2)
             standing.at[vertex], standing.u[vertex], standing.w[vertex] = at, u, w
             return False
-        n = _lines(points, vertex, 0.0, 0.0, 0.0, ring, rings, ground, corners, standing, False, scratch)
+        n = _lines(points, ring, _STILL, rings, ground, corners, standing, False, scratch)
         largest = scratch[BADNESS, worst_of(scratch, n, d)]
-        if polishing:
-            better = keeps(before, sum_of(scratch, n, d), largest, floor, d)
+        if purpose.polishing:
+            better = keeps(before, sum_of(scratch, n, d), largest, purpose.floor, d)
         else:
             better = improves(before, largest, d)
         part = 0.5
-        if better and _upright(points, vertex, ring, x0, x1, x2, at, rings, ground, corners, standing):
+        if better and _upright(points, ring, (x0, x1, x2), at, rings, ground, corners, standing):
             y0, y1 = points[vertex, 0] - x0, points[vertex, 1] - x1
             y2 = points[vertex, 2] - x2 if points.shape[1] == 3 else 0.0
-            apart = look(points, vertex, sqrt(y0 * y0 + y1 * y1 + y2 * y2), limit, ground, stars, standing)
+            moved = sqrt(y0 * y0 + y1 * y1 + y2 * y2)
+            apart = look(points, vertex, moved, limit, ground, stars, standing)
             if apart <= limit:
                 take_over(vertex, stars, standing)
                 for entry in range(rings.start[ring], rings.start[ring + 1]):
-                    if len(corners.number):
-                        standing.turned[corners.number[entry]] = False
+                    if len(number):
+                        standing.turned[number[entry]] = False
                 return True
             part = min(max(limit / apart, 0.1), 0.5)
         longest = part * walked
@@ -309,21 +291,19 @@ def _walk(
     points: np.ndarray,
     directions: np.ndarray,
     ring: int,
-    vertex: int,
+    longest: float,
     rings: RingArrays,
     ground: Ground,
     corners: RingCorners,
     standing: Standing,
-    longest: float,
-    polishing: bool,
-    floor: float,
+    purpose: Purpose,
     scratch: np.ndarray,
 ) -> tuple[float, float]:
     """Walk a vertex along its direction to the best place, not farther than ``longest``.
 
     Returns how far it went, and the largest badness or sum of 1/Q at the beginning.
     """
-    d = rings.others.shape[1]
+    vertex, d = rings.vertices[ring], rings.others.shape[1]
     d0, d1 = directions[ring, 0], directions[ring, 1]
     d2 = directions[ring, 2] if points.shape[1] == 3 else 0.0
     d0, d1, d2 = _along_carrier(vertex, d0, d1, d2, ground, standing)
@@ -336,9 +316,9 @@ def _walk(
         if crossing > 0:
             way, out = _way_out(vertex, d0, d1, d2, came, ground, standing)
         if crossing == 0 or way > 0.0:
-            n = _lines(points, vertex, d0, d1, d2, ring, rings, ground, corners, standing, True, scratch)
-            if polishing:
-                step, now = lowest_step(scratch, n, d, floor)
+            n = _lines(points, ring, (d0, d1, d2), rings, ground, corners, standing, True, scratch)
+            if purpose.polishing:
+                step, now = lowest_step(scratch, n, d, purpose.floor)
             else:
                 step, now = best_step(scratch, n, d)
             if crossing == 0:
@@ -351,10 +331,10 @@ def _walk(
         rest = longest - walked
         step = min(step, rest)
         if step <= way:
-            _go(points, vertex, d0, d1, d2, step, ground, standing)
+            _go(points, vertex, (d0, d1, d2), step, ground, standing)
             walked += step
             break
-        _go_out(points, vertex, d0, d1, d2, way, out, ground, standing)
+        _go_out(points, vertex, (d0, d1, d2), way, out, ground, standing)
         walked += way
         d0, d1, d2, came = _cross(vertex, d0, d1, d2, out, ground, standing)
         if came < 0:
@@ -443,16 +423,10 @@ def _way_out(
 
 
 def _go(
-    points: np.ndarray,
-    vertex: int,
-    d0: float,
-    d1: float,
-    d2: float,
-    step: float,
-    ground: Ground,
-    standing: Standing,
+    points: np.ndarray, vertex: int, direction: Vector, step: float, ground: Ground, standing: Standing
 ) -> None:
     """Move a vertex by ``step`` within its facet or segment."""
+    d0, d1, d2 = direction
     at, u = standing.at[vertex], standing.u[vertex]
     if standing.kind[vertex] == CURVE:
         e0, e1, e2, length = _span(at, ground)
@@ -472,9 +446,7 @@ def _go(
 def _go_out(
     points: np.ndarray,
     vertex: int,
-    d0: float,
-    d1: float,
-    d2: float,
+    direction: Vector,
     way: float,
     out: int,
     ground: Ground,
@@ -485,6 +457,7 @@ def _go_out(
     if standing.kind[vertex] == CURVE:
         _stand(points, vertex, at, 1.0 if out == 1 else 0.0, 0.0, ground, standing)
         return
+    d0, d1, d2 = direction
     du, dw = _rates(at, d0, d1, d2, ground)
     u, w = min(max(u + way * du, 0.0), 1.0), min(max(w + way * dw, 0.0), 1.0)
     if out == 0:
@@ -585,11 +558,8 @@ def _put(points: np.ndarray, vertex: int, x0: float, x1: float, x2: float) -> No
 
 def _lines(
     points: np.ndarray,
-    vertex: int,
-    d0: float,
-    d1: float,
-    d2: float,
     ring: int,
+    direction: Vector,
     rings: RingArrays,
     ground: Ground,
     corners: RingCorners,
@@ -598,6 +568,8 @@ def _lines(
     scratch: np.ndarray,
 ) -> int:
     """Lay out a ring and its lines; signed: whether corners of a surface that turned over are negative."""
+    d0, d1, d2 = direction
+    vertex = rings.vertices[ring]
     if points.shape[1] == rings.others.shape[1]:
         return set_lines(points, vertex, d0, d1, d2, ring, rings, scratch)
     others, shapes, norm, slope = rings.others, rings.shapes, rings.norm, rings.slope
@@ -644,11 +616,8 @@ def _lines(
 
 def _upright(
     points: np.ndarray,
-    vertex: int,
     ring: int,
-    x0: float,
-    x1: float,
-    x2: float,
+    x: Vector,
     at: int,
     rings: RingArrays,
     ground: Ground,
@@ -662,8 +631,10 @@ def _upright(
     """
     if not len(corners.number):
         return True
+    vertex = rings.vertices[ring]
     others, number, turned = rings.others, corners.number, standing.turned
     kind, stands, normals = standing.kind, standing.at, ground.normals
+    x0, x1, x2 = x
     y0, y1, y2 = points[vertex, 0], points[vertex, 1], points[vertex, 2]
     lo = rings.start[ring]
     for c in range(rings.start[ring + 1] - lo):

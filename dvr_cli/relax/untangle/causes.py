@@ -10,9 +10,9 @@ from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.quality.mean_ratio import DEGENERATE, element_qualities
+from dvr_cli.relax.phases import TANGLED
 from dvr_cli.relax.untangle.phase import inverted_by_held
 
-REASONS = ("elements", "hopeless", "crossing")  # for which elements are tangled, see ``tangled_elements``
 _NEAR = 2  # rings of vertices around a crossing within which it is to blame
 
 
@@ -25,7 +25,7 @@ def tangled_elements(points: np.ndarray, domain: Domain, freedom: Freedom) -> di
     corners = domain.corners
     tangled = ~(element_qualities(points, corners) > DEGENERATE)
     if not tangled.any():
-        return dict.fromkeys(REASONS, 0)
+        return dict.fromkeys(TANGLED, 0)
     known = inverted_by_held(points, corners, freedom)
     rest = tangled & ~known
     crossing = np.zeros(len(points), dtype=bool)
@@ -35,7 +35,7 @@ def tangled_elements(points: np.ndarray, domain: Domain, freedom: Freedom) -> di
     near = within_rings([corners.vertices], crossing, _NEAR)[corners.vertices].any(axis=1)
     blamed = rest & corners.by_cell(np.logical_or, near)
     numbers = tangled.sum(), (tangled & known).sum(), blamed.sum()
-    return {reason: int(number) for reason, number in zip(REASONS, numbers, strict=True)}
+    return {reason: int(number) for reason, number in zip(TANGLED, numbers, strict=True)}
 
 
 def _held_facets(domain: Domain, freedom: Freedom) -> np.ndarray:

@@ -42,7 +42,7 @@ class Round:
     seconds: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Untangling:
     """The result of untangling: coordinates (N, d), the rounds done, why they ended.
 
