@@ -42,7 +42,7 @@ class Run:
         self.corners = domain.corners
         self.relaxed = np.flatnonzero(domain.interior)
         self.problem = build_problem(self.corners, self.relaxed, domain.points)
-        field = random_field(domain.dimension, len(domain.points), seed)
+        field = random_field(domain.dimension, seed)
         engine, stopping = NumbaEngine(self.problem), Stopping(sweeps, 0.0)
         self.points = relax(engine, domain.points, field, stopping).points
 

@@ -51,7 +51,7 @@ def nearest(triangles: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.
 
 def steps(engine: Engine, domain, kind: str):
     """Do a sweep, batch by batch."""
-    field = random_field(3, len(domain.points), 1)
+    field = random_field(3, 1)
     ascent = {"steepest": STEEPEST, "narrowing": NARROWING, "optimal": OPTIMAL}.get(kind)
     directions = ascent or field(0, engine.relaxed_points, engine.problem.relaxed)
     for batch in range(engine.batches):
