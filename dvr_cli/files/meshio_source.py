@@ -85,7 +85,7 @@ class MeshioSource(Source):
             return path.read_bytes(), back
 
     def _read_back(self, path: Path) -> Mesh:
-        """What meshio wrote, read by this package's own reader if there is one; raises InputError."""
+        """The mesh that meshio wrote, by this package's own reader if there is one; raises InputError."""
         record = format_named(self.format)
         if not record.patched:
             return read_path(path, self.format).mesh
