@@ -11,12 +11,15 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from types import FunctionType, MappingProxyType, ModuleType
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
-from numba import njit, types
+from numba import config, njit, types
 from numba.core import cgutils
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
+from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -37,13 +40,59 @@ def compiled(function: _Function, **options: Any) -> _Function:
     return made
 
 
+def part(function: _Function, **options: Any) -> _Function:
+    """``function`` as a part of kernels that call it."""
+    if vars(config)["DISABLE_JIT"]:
+        return function
+    options |= {"nopython": True, "boundscheck": None, "no_cpython_wrapper": True, **_OPTIONS}
+    return cast(_Function, _Part(function, {}, options, _PartCompiler))
+
+
 def inlined(function: _Function) -> _Function:
     """``function`` compiled into those that call it, for short ones called in loops.
 
-    A call proper counts references to each array it is given, which costs more than a few sums do. Python
-    cannot call it: to compile an entry for that takes time.
+    A call proper counts references to each array it is given, which costs more than a few sums do.
     """
-    return compiled(function, forceinline=True, no_cpython_wrapper=True)
+    return part(function, forceinline=True)
+
+
+class _Part(CPUDispatcher):
+    """A function that only kernels call."""
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """For the types of the arguments, not for their values: these would make it another function each."""
+        return super().get_call_template([types.unliteral(kind) for kind in args], kws)
+
+    def __call__(self, *args: Any) -> Any:
+        raise TypeError(f"{self.py_func.__name__} is a part of kernels, which only these can call")
+
+
+class _PartLibrary(JITCodeLibrary):
+    """The code of a part of kernels, which is optimised and made machine code in each of them, not here."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+
+class _PartCompiler(Compiler):
+    """numba's compiler, which ends where there is code for others to link; the rest takes as long again."""
+
+    def define_pipelines(self) -> Any:
+        state = self.state
+        state.flags.no_compile = True
+        state.library = _PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        return super().define_pipelines()
+
+    def _compile_core(self) -> CompileResult:
+        result = super()._compile_core()
+        entry: Any = [].append  # functions are known by their entry points: any will do that is no other's
+        self.state.targetctx.insert_user_function(entry, result.fndesc, [result.library])
+        return result._replace(entry_point=entry)
 
 
 @intrinsic
@@ -85,7 +134,7 @@ def compiled_over(
     for name, value in vars(module).items():
         if isinstance(value, FunctionType) and value.__module__ == module.__name__:
             twin = FunctionType(value.__code__, known, name, value.__defaults__)
-            known[name] = compiled(twin, no_cpython_wrapper=name not in entries)
+            known[name] = compiled(twin) if name in entries else part(twin)
     return known
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import compiled, inlined, part
 from dvr_cli.quality.stretching import LIKELY, SEED
 
 _LEVEL = np.log(LIKELY)
@@ -178,7 +178,7 @@ def _with_marked(vertices: np.ndarray, start: np.ndarray, marked: np.ndarray) ->
     return result
 
 
-@compiled
+@part
 def _least_of_cells(rings: np.ndarray, vertices: np.ndarray, start: np.ndarray, least: np.ndarray) -> None:
     """Fill ``least`` (n,) with the smallest of ``rings`` (N,) among the vertices of each cell."""
     for cell in range(len(least)):
@@ -188,7 +188,7 @@ def _least_of_cells(rings: np.ndarray, vertices: np.ndarray, start: np.ndarray, 
                 least[cell] = min(least[cell], rings[vertices[c, k]])
 
 
-@compiled
+@part
 def _averaged_within(
     total: np.ndarray,
     count: np.ndarray,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import inlined, part
 
 
-@compiled
+@part
 def descent(
     g: np.ndarray,
     steps: np.ndarray,

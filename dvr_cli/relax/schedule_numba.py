@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, part
 
 
 @compiled
@@ -43,7 +43,7 @@ def colours(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence
     return colour
 
 
-@compiled
+@part
 def _first_free(start: int, stop: int, corner: np.ndarray, members: np.ndarray, colour: np.ndarray) -> int:
     """The first colour that none of the vertices of the corners of these entries has."""
     taken = np.zeros((stop - start) * members.shape[1] + 1, dtype=np.bool_)

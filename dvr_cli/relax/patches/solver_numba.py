@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import compiled, inlined, part
 from dvr_cli.mesh.simplex_numba import determinant_2d, determinant_3d
 from dvr_cli.quality.badness_numba import badness
 from dvr_cli.quality.mean_ratio_numba import metric_norm, through_2d, through_3d
@@ -55,7 +55,7 @@ def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
     return before, before
 
 
-@compiled
+@part
 def _minimise(
     points: np.ndarray,
     patch: Patch,
@@ -193,7 +193,7 @@ def _keep_within(u: np.ndarray, on_line: bool, axis: np.ndarray) -> None:
         u[j] = part if on_line else u[j] - part
 
 
-@compiled
+@part
 def _own_measure(patch: Patch) -> np.ndarray:
     """See ``PatchEnergy``: (n,) rows of the shape table; empty without a metric."""
     if len(patch.factor) == 0:
@@ -207,7 +207,7 @@ def _own_measure(patch: Patch) -> np.ndarray:
     return own
 
 
-@compiled
+@part
 def _seen_axes(patch: Patch, own: np.ndarray) -> np.ndarray:
     """See ``measured.seen_axis``: (n, d)."""
     d = patch.axis.shape[1]
@@ -239,7 +239,7 @@ def _solve_back(factor: np.ndarray, k: int, u: np.ndarray) -> None:
         u[2] = (u[2] - factor[k, 2] * u[0] - factor[k, 4] * u[1]) / factor[k, 5]
 
 
-@compiled
+@part
 def _measure(g: np.ndarray, patch: Patch, own: np.ndarray, seen: np.ndarray) -> None:
     """Put the gradient by y in the place of that by x, see ``Measured.gradient``."""
     d = patch.axis.shape[1]
@@ -250,7 +250,7 @@ def _measure(g: np.ndarray, patch: Patch, own: np.ndarray, seen: np.ndarray) -> 
             _keep_within(u, dimension == 1, seen[i])
 
 
-@compiled
+@part
 def _unmeasure(way: np.ndarray, patch: Patch, own: np.ndarray) -> None:
     """Put the move of x in the place of that of y, see ``Measured.move``."""
     d, factor = patch.axis.shape[1], patch.factor
@@ -267,7 +267,7 @@ def _unmeasure(way: np.ndarray, patch: Patch, own: np.ndarray) -> None:
         _project(way, patch)
 
 
-@compiled
+@part
 def _size(points: np.ndarray, patch: Patch) -> float:
     """The mean edge length, see ``PatchEnergy``."""
     vertices, d = patch.vertices, points.shape[1]
@@ -285,7 +285,7 @@ def _size(points: np.ndarray, patch: Patch) -> float:
     return total / len(vertices)
 
 
-@compiled
+@part
 def _badnesses(points: np.ndarray, patch: Patch, bad: np.ndarray) -> float:
     """Fill ``bad`` with the badness of each corner, infinite where it is not positive; the largest."""
     vertices, shapes, norm = patch.vertices, patch.shapes, patch.norm
@@ -335,7 +335,7 @@ def _badnesses(points: np.ndarray, patch: Patch, bad: np.ndarray) -> float:
     return largest
 
 
-@compiled
+@part
 def _norm(bad: np.ndarray, reference: float, squarings: int, power: np.ndarray) -> tuple[float, float]:
     """See ``PatchEnergy.norm``; fills ``power`` with r^k and returns f and its sum."""
     for c in range(len(bad)):
@@ -352,7 +352,7 @@ def _norm(bad: np.ndarray, reference: float, squarings: int, power: np.ndarray) 
     return f, total
 
 
-@compiled
+@part
 def _gradient(
     points: np.ndarray, patch: Patch, power: np.ndarray, f: float, total: float, g: np.ndarray
 ) -> None:
