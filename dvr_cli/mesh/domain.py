@@ -111,7 +111,7 @@ class Domain:
     def flatten(self, points: np.ndarray) -> np.ndarray:
         """Coordinates (N, d) of points given as the mesh gives them."""
         flat = points if self.plane is None else self.plane.flatten(points)
-        return np.ascontiguousarray(flat)  # the layout that kernels are compiled for
+        return np.require(flat, requirements=["C", "W"])  # the layout that kernels are compiled for
 
     def lift(self, points: np.ndarray, flat: np.ndarray) -> np.ndarray:
         """``points``, given as the mesh gives them, moved to the coordinates ``flat`` (N, d)."""
@@ -156,7 +156,7 @@ def domain_of(
     if dimension == 2:
         plane = plane_of(mesh.points[_used(stored, len(mesh.points))])
         points = mesh.points if plane is None else plane.flatten(mesh.points)
-    points = np.ascontiguousarray(points, dtype=np.float64)
+    points = np.require(points, np.float64, ["C", "W"])
     as_stored = corners_of(stored, dimension)
     if points.shape[1] > dimension:  # either side of a surface may be its upper one
         backend = NUMPY

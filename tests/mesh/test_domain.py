@@ -264,3 +264,15 @@ def test_coordinates_too_large_to_compute_with():
     mesh = random_mesh("tetra", 1)
     assert "1e+50" in refusal(Mesh(mesh.points * 1e60, mesh.cells))
     assert domain_of(Mesh(mesh.points * 1e49, mesh.cells)).interior.any()
+
+
+def test_points_of_any_layout_become_what_kernels_are_compiled_for():
+    mesh = random_mesh("tetra", 0)
+    for points in (np.asfortranarray(mesh.points), mesh.points.astype(np.float32)):
+        points.setflags(write=False)
+        domain = domain_of(Mesh(points, mesh.cells))
+        for found in (domain.points, domain.flatten(points.astype(float))):
+            assert found.flags.c_contiguous
+            assert found.flags.writeable
+            assert found.dtype == np.float64
+            assert (found == points).all()
