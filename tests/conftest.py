@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from importlib import import_module
 from importlib.util import find_spec
 
 import pytest
@@ -25,3 +27,18 @@ def _compiling_in_turn(worker_id: str) -> None:
         from dvr_cli.jit import compile_in_turn
 
         compile_in_turn()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _compiled_from_the_start(request: pytest.FixtureRequest) -> Iterator[None]:
+    """In a run of many tests the engine called auto is the compiled one: to compile it pays.
+
+    The engine of NumPy is compared with it, and has its own tests.
+    """
+    if find_spec("numba") is None or len(request.session.items) < 500:
+        yield
+        return
+    import_module("dvr_cli.relax.engines.numba_engine")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("dvr_cli.relax.engines.choice._are_compiled", lambda folders: True)
+        yield

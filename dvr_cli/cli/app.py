@@ -13,6 +13,7 @@ from dvr_cli.cli.report import COMPARE_EXAMPLES, QUALITY_EXAMPLES, compare, qual
 from dvr_cli.cli.smooth import SMOOTH_EXAMPLES, smooth
 from dvr_cli.cli.streams import emit
 from dvr_cli.cli.untangle import UNTANGLE_EXAMPLES, untangle
+from dvr_cli.cli.warm_up import WARM_UP_EXAMPLES, warm_up
 from dvr_cli.errors import UsageError
 
 # without markup, help and errors do not import rich, which would double the time they take
@@ -31,6 +32,7 @@ for group, function, examples in (
     (app, smooth, SMOOTH_EXAMPLES),
     (app, untangle, UNTANGLE_EXAMPLES),
     (app, morph, MORPH_EXAMPLES),
+    (app, warm_up, WARM_UP_EXAMPLES),
     (report, quality, QUALITY_EXAMPLES),
     (report, compare, COMPARE_EXAMPLES),
 ):

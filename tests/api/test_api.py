@@ -92,18 +92,24 @@ def test_the_input_is_not_altered(kind):
     assert (contents(mesh.points), all_but_points(mesh)) == before
 
 
-@pytest.mark.parametrize("name", ["cells", "point_data", "cell_data", "field_data"])
-def test_cells_and_data_are_kept(name):
+@pytest.fixture(scope="module")
+def before_and_after():
+    """A mesh with all kinds of data, and what it became."""
     mesh = rich()
     improved, _ = dvr_cli.smooth(mesh)
+    return mesh, improved
+
+
+@pytest.mark.parametrize("name", ["cells", "point_data", "cell_data", "field_data"])
+def test_cells_and_data_are_kept(name, before_and_after):
+    mesh, improved = before_and_after
     assert all_but_points(improved)[name] == all_but_points(mesh)[name]
     assert (improved.points != mesh.points).any()
 
 
 @pytest.mark.parametrize("name", ["point_sets", "cell_sets", "gmsh_periodic", "info"])
-def test_sets_and_periodic_links_are_kept(name):
-    mesh = rich()
-    improved, _ = dvr_cli.smooth(mesh)
+def test_sets_and_periodic_links_are_kept(name, before_and_after):
+    mesh, improved = before_and_after
     assert all_but_points(improved)[name] == all_but_points(mesh)[name]
 
 

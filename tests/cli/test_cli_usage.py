@@ -185,7 +185,15 @@ def test_help(dvr, arguments):
 
 @pytest.mark.parametrize(
     "arguments",
-    [["smooth"], ["untangle"], ["morph"], ["report"], ["report", "quality"], ["report", "compare"]],
+    [
+        ["smooth"],
+        ["untangle"],
+        ["morph"],
+        ["warm-up"],
+        ["report"],
+        ["report", "quality"],
+        ["report", "compare"],
+    ],
 )
 def test_help_of_commands(dvr, arguments):
     result = dvr(*arguments, "--help")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -15,7 +16,7 @@ from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import Problem
 
 # Loading numba and its cached kernels takes as long as this many vertex updates of the NumPy engine
-# (benchmarks/engines.py); runs converge in some twenty sweeps.
+# (benchmarks/engines.py); runs converge in some twenty sweeps. Once they are loaded they are faster anywhere.
 _REPAYS = 100_000
 _REPAYS_COMPILING = 1_000_000  # the same where the kernels have to be compiled first
 _USUAL_SWEEPS = 20
@@ -45,6 +46,11 @@ class EngineKind:
     def is_installed(self) -> bool:
         """True if what it needs is there."""
         return self.package is None or find_spec(self.package) is not None
+
+    @property
+    def is_loaded(self) -> bool:
+        """True if an engine of this kind has been used in this process."""
+        return self.maker[0] in sys.modules
 
     def threads(self, asked: int | None) -> int:
         """The number of threads it uses when ``asked`` are wanted; see ``thread_count``."""
@@ -98,7 +104,9 @@ def choose_engine(
         sweeps = min(max_iterations, _USUAL_SWEEPS)
         work = vertices * (sweeps + (_PATCHES if patches else 0)) + walking * sweeps * _WALK
         folders = ["."] + ["patches"] * patches + ["surface"] * (walking > 0)
-        repays = _REPAYS if _are_compiled(folders) else _REPAYS_COMPILING
+        repays = _REPAYS_COMPILING
+        if _are_compiled(folders):
+            repays = 0 if KINDS[COMPILED.name].is_loaded else _REPAYS
         return KINDS[(COMPILED if work > repays and has_numba() else NUMPY).name]
     if not KINDS[name].is_installed:
         package = KINDS[name].package

@@ -20,6 +20,7 @@ from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.directions import direction_field
 from dvr_cli.relax.engines import choice
+from dvr_cli.relax.engines.choice import _are_compiled
 from dvr_cli.relax.engines.numpy_engine import NumpyEngine
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.problem import build_problem
@@ -341,15 +342,16 @@ def test_kernels_are_compiled_where_results_lie_beside_their_sources(monkeypatch
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setattr(choice, "__file__", str(tmp_path / "engines" / "choice.py"))
     (tmp_path / "patches" / "__pycache__").mkdir(parents=True)
-    assert not choice._are_compiled(["patches"])
+    assert not _are_compiled(["patches"])
     (tmp_path / "patches" / "__pycache__" / "solver_numba.solve-1.py311.nbi").touch()
-    assert choice._are_compiled(["patches"])
-    assert not choice._are_compiled([".", "patches"])
+    assert _are_compiled(["patches"])
+    assert not _are_compiled([".", "patches"])
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert choice._are_compiled([".", "patches"])
+    assert _are_compiled([".", "patches"])
 
 
 def test_auto_takes_numba_where_it_pays(monkeypatch):
+    monkeypatch.delitem(sys.modules, numba_engine.__name__)
     assert choice.choose_engine("auto", 100, 100).name == "numpy"
     assert choice.choose_engine("auto", 10**6, 100).name == "numba"
     assert choice.choose_engine("auto", 10**6, 0).name == "numpy"
@@ -358,6 +360,10 @@ def test_auto_takes_numba_where_it_pays(monkeypatch):
     assert choice.choose_engine("auto", 10**6, 100).name == "numba"
     monkeypatch.setattr(choice, "_are_compiled", lambda folders: True)
     assert choice.choose_engine("auto", 10_000, 100).name == "numba"
+    monkeypatch.setitem(sys.modules, numba_engine.__name__, numba_engine)
+    assert choice.choose_engine("auto", 100, 100).name == "numba"  # what is loaded costs nothing more
+    monkeypatch.setattr(choice, "_are_compiled", lambda folders: False)
+    assert choice.choose_engine("auto", 10_000, 100).name == "numpy"
     monkeypatch.setattr(choice, "find_spec", lambda package: None)
     assert choice.choose_engine("auto", 10**6, 100).name == "numpy"
     with pytest.raises(UsageError, match=r"dvr-cli\[fast\]"):

@@ -1,0 +1,94 @@
+"""Warming up: the kernels of the compiled engine are compiled, and kept where later runs find them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
+from dvr_cli.errors import UsageError
+from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.relax.stopping import Stopping
+
+_BOXES = 3  # along each edge of the cube
+_TETRAHEDRA = ((0, 1, 3, 7), (0, 3, 2, 7), (0, 2, 6, 7), (0, 6, 4, 7), (0, 4, 5, 7), (0, 5, 1, 7))
+
+
+def warm_up(say: Callable[[str], None]) -> str:
+    """Relax small meshes in all ways that kernels differ in; returns the folder that keeps what was compiled.
+
+    say: gets what is compiled next. Raises UsageError if numba is missing, or finds no folder to write to.
+    """
+    options = SmoothOptions(engine="numba", threads=1, stopping=Stopping(max_iterations=2))
+    folder = _folder()
+    jobs: tuple[tuple[str, Mesh, dict[str, Any]], ...] = (
+        ("sweeps, patches and polishing", _cube("tetra"), {"order": "natural"}),
+        ("metrics", _cube("tetra"), {"metric": np.tile(np.diag([1.0, 1.0, 4.0]), (_corners(), 1, 1))}),
+        ("stretched cells", _stretched(_cube("tetra")), {}),
+        ("planar meshes", _square(), {}),
+        ("cells of other types", _cube("hexahedron"), {}),
+        ("curved boundaries", _ball(_cube("tetra")), {"boundary": "project", "feature_angle": 90.0}),
+    )
+    for name, mesh, more in jobs:
+        say(name)
+        smooth_mesh(mesh, replace(options, **more))
+    return folder
+
+
+def _folder() -> str:
+    """The folder that keeps what numba compiles; UsageError if none does."""
+    from dvr_cli.relax.enough_numba import relax_rings
+
+    kernel: Any = relax_rings
+    folder = kernel.stats.cache_path
+    if folder is None:
+        raise UsageError("warm-up: no folder can be written for what is compiled; NUMBA_CACHE_DIR names one")
+    return str(folder)
+
+
+def _corners() -> int:
+    return (_BOXES + 1) ** 3
+
+
+def _cube(kind: str) -> Mesh:
+    """A cube around 0 of 3 × 3 × 3 boxes, their inner vertices a little astray."""
+    side = range(_BOXES + 1)
+    places = np.array(list(product(side, side, side)), dtype=np.float64)
+    inner = ((places > 0) & (places < _BOXES)).all(axis=1)
+    places[inner] += 0.3 * np.sin(np.arange(3.0 * inner.sum())).reshape(-1, 3)
+    boxes = []
+    for x, y, z in product(range(_BOXES), repeat=3):
+        boxes.append([((x + a) * 4 + y + b) * 4 + z + c for c, b, a in product((0, 1), repeat=3)])
+    at = np.array(boxes)
+    order = _TETRAHEDRA if kind == "tetra" else ((0, 1, 3, 2, 4, 5, 7, 6),)
+    return Mesh(places - _BOXES / 2, [Cells(kind, np.concatenate([at[:, list(one)] for one in order]))])
+
+
+def _square() -> Mesh:
+    """The bottom of the cube, in triangles, its inner vertices a little astray."""
+    side = range(_BOXES + 1)
+    places = np.array(list(product(side, side)), dtype=np.float64)
+    inner = ((places > 0) & (places < _BOXES)).all(axis=1)
+    places[inner] += 0.3 * np.sin(np.arange(2.0 * inner.sum())).reshape(-1, 2)
+    at = np.array([4 * x + y for x, y in product(range(_BOXES), repeat=2)])[:, None]
+    return Mesh(
+        places,
+        [Cells("triangle", np.concatenate([at + np.array(three) for three in ((0, 4, 5), (0, 5, 1))]))],
+    )
+
+
+def _stretched(cube: Mesh) -> Mesh:
+    """The cube flattened, so that its cells are as those of layers."""
+    return Mesh(cube.points * [1.0, 1.0, 0.02], cube.cells)
+
+
+def _ball(cube: Mesh) -> Mesh:
+    """The cube blown up to a ball."""
+    distance = np.abs(cube.points).max(axis=1)
+    radius = np.linalg.norm(cube.points, axis=1)
+    return Mesh(cube.points * (distance / radius)[:, None], cube.cells)
