@@ -88,9 +88,9 @@ def engine_for(domain: Domain, contender: Contender) -> Engine:
     return kind.make(build_problem(domain.corners, relaxed, domain.points, backend=kind.backend), threads)
 
 
-def random_directions(engine: Engine, n_points: int, sweeps: int) -> list[np.ndarray]:
+def random_directions(engine: Engine, sweeps: int) -> list[np.ndarray]:
     """The random directions of the first sweeps, (m, d) each, in the order of the engine's rings."""
-    field, vertices = random_field(engine.problem.dimension, n_points, seed=0), engine.problem.relaxed
+    field, vertices = random_field(engine.problem.dimension, seed=0), engine.problem.relaxed
     return [field(sweep, engine.relaxed_points, vertices) for sweep in range(sweeps)]
 
 

@@ -45,7 +45,7 @@ def _rows(kind: str, mesh: Mesh) -> list[list[object]]:
     for _ in range(_ROUNDS):
         for contender, engine in engines.items():
             engine.load(points)
-            directions = random_directions(engine, len(points), _SWEEPS)
+            directions = random_directions(engine, _SWEEPS)
             taken[contender].append(seconds(lambda: sweep_all(engine, directions)))  # noqa: B023
     rings = engines["numpy", 1].problem.rings
     updates = _SWEEPS * len(rings.vertices)

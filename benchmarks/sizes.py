@@ -73,7 +73,7 @@ def _seconds(mesh: Mesh, contender: Contender) -> list[float]:
     engine.q1()
     clock.append(time.perf_counter())
     directions: list[np.ndarray] = []
-    rest = seconds(lambda: directions.extend(random_directions(engine, len(domain.points), _SWEEPS)))
+    rest = seconds(lambda: directions.extend(random_directions(engine, _SWEEPS)))
     rest = rest / _SWEEPS + seconds(engine.q1)
     sweep = seconds(lambda: sweep_all(engine, directions)) / _SWEEPS
     return [*np.diff(clock).tolist(), rest, sweep]

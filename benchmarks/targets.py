@@ -96,7 +96,7 @@ def _micro_per_update(targets: dict[str, Domain], contender: tuple[str, int]) ->
         for name, engine in engines.items():
             points = targets[name].points
             engine.load(points)
-            directions = random_directions(engine, len(points), _SWEEPS)
+            directions = random_directions(engine, _SWEEPS)
             taken[name].append(_cpu(lambda: sweep_all(engine, directions)))  # noqa: B023
     updates = _SWEEPS * int(targets["ideal"].interior.sum())
     return {name: 1e6 * min(runs) / updates for name, runs in taken.items()}

@@ -141,7 +141,7 @@ def test_no_point_of_its_line_is_better_for_any_vertex_of_a_triangulation():
     around = triangles[[np.resize(ring, most) for ring in around]]  # short rings repeat their triangles
     updates = 0
     for sweep in range(4):
-        directions = random_field(2, 3000, 0)(sweep, engine.relaxed_points, problem.relaxed)
+        directions = random_field(2, 0)(sweep, engine.relaxed_points, problem.relaxed)
         for batch, (lo, hi) in enumerate(pairwise(problem.batch_start)):
             ring, vertices = around[lo:hi], problem.relaxed[lo:hi]
             best = highest_minima(engine.points[ring], ring == vertices[:, None, None], directions[lo:hi])
