@@ -230,7 +230,7 @@ class Engine(ABC):
         return sum(self._in_parts(part, lo, hi))
 
     def _walkers(self, carriers: Carriers, standing: Standing) -> Walk:
-        """What walks read and change."""
+        """The arrays that walks read and change."""
         from dvr_cli.relax.surface.walk import Walk
 
         return Walk(self._get(), self._rows, carriers.ground, carriers.stars, carriers.corners, standing)

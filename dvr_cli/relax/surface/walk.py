@@ -60,7 +60,7 @@ Vector = tuple[float, float, float]
 
 
 class Walk(NamedTuple):
-    """What walks happen on and where they have come to. Kernels change ``points`` and ``standing``.
+    """The ground of walks, and where they have come to. Kernels change ``points`` and ``standing``.
 
     points: (N, d) coordinates in the problem's numbering. The others are those of the problem.
     """
@@ -74,7 +74,7 @@ class Walk(NamedTuple):
 
 
 class Purpose(NamedTuple):
-    """What a walk is for, and what it must keep to.
+    """The purpose of a walk, and the rules it keeps to.
 
     limit: how far the mesh may come from the input. polishing: whether to lower the sum of 1/Q, with no
         badness above ``floor``, instead of raising the minimum.
