@@ -194,7 +194,9 @@ class Run:
         """Go back to where vertices began to walk, as the boundary has come too far from the input's."""
         self._engine.load(self._start)
         self.points, self.stopped_because = self._start, StopReason.DEVIATION
-        self.boundary = change_of(self._domain, self.points, self._engine.deviation(), bound)
+        as_given = np.array_equal(self._start, self._domain.points)  # nothing was unfolded
+        deviation = 0.0 if as_given else self._engine.deviation()
+        self.boundary = change_of(self._domain, self.points, deviation, bound)
 
     def _enter(self, name: str, outcome: Relaxation) -> None:
         """Take over the result of a phase, and record it."""

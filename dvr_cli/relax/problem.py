@@ -97,7 +97,7 @@ class RingArrays(NamedTuple):
 
 
 class RingFreedom(NamedTuple):
-    """How far the vertices of rings may move, as kernels read it.
+    """The freedom of the vertices of rings, as kernels read it.
 
     active: (m,) bool, the rings that are asked about. on_line, axis: (m,) and (m, d), see
         ``freedom.project``; empty where all vertices move anywhere.

@@ -59,11 +59,14 @@ def test_vertices_stay_on_the_shape_and_the_shape_near_the_input(name):
 @pytest.mark.parametrize("name", MESHES)
 def test_the_quality_vector_never_decreases(name):
     mesh = MESHES[name]()
-    last = None
+    last: dict[bool, np.ndarray] = {}
     for sweeps in (0, 1, 2):
         _, report = projected(mesh, sweeps, polish=False)  # which trades the vector for the mean
-        assert last is None or at_least(report.after.vector, last)
-        last = report.after.vector
+        assert at_least(report.after.vector, report.before.vector)
+        # what is unfolded frees vertices: such runs are compared with each other
+        unfolded = any(phase.phase == "unfold" for phase in report.phases)
+        assert unfolded not in last or at_least(report.after.vector, last[unfolded])
+        last[unfolded] = report.after.vector
 
 
 @pytest.mark.parametrize(
