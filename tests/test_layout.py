@@ -185,6 +185,7 @@ def test_a_run_loads_no_reader_of_other_formats(tmp_path):
 UNUSED = {
     "dvr_cli.api.adapters.registry",
     "dvr_cli.boundary.smooth_parts",
+    "dvr_cli.boundary.unfolding",
     "dvr_cli.files.losses",
     "dvr_cli.mesh.groups",
     "dvr_cli.quality.cell_measures",

@@ -41,6 +41,10 @@ class Moves:
     constraints: Constraints | None = None
     unfolding: Unfolding | None = None
 
+    def start(self, points: np.ndarray) -> np.ndarray:
+        """(N, d) where vertices begin to move in a mesh with these points: what lay folded is unfolded."""
+        return points if self.unfolding is None else self.unfolding.points
+
     @property
     def relaxed(self) -> np.ndarray:
         """(m,) the vertices that may move, in index order: I_R."""

@@ -52,7 +52,7 @@ class Run:
         self._domain, self._moves, self._engine, self._options = domain, moves, engine, options
         self._on_sweep, self._interrupted = on_sweep, interrupted
         self._began = time.perf_counter()
-        self._start = domain.points if moves.unfolding is None else moves.unfolding.points
+        self._start = moves.start(domain.points)
         self.points = self._start
         self.stopped_because = StopReason.NOTHING_TO_RELAX
         self.phases: list[Phase] = []

@@ -110,7 +110,7 @@ def _smoothed(
     untangling = untangles(options, domain, before)
     start = time.perf_counter()
     how = options.order, options.seed, kind.backend, moves.within, moves.parts
-    start_points = domain.points if moves.unfolding is None else moves.unfolding.points
+    start_points = moves.start(domain.points)
     problem = build_problem(domain.corners, relaxed, start_points, *how)
     mean: dict[int, float] = {}
     for share in _SHARES if moves.parts is not None else _SHARES[:1]:

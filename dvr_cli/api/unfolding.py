@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from dvr_cli.boundary.unfolding import Unfolding
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.relax.phases import UnfoldPhase
 from dvr_cli.relax.stopping import StopReason
+
+if TYPE_CHECKING:
+    from dvr_cli.boundary.unfolding import Unfolding
 
 _NAMED = 10  # folded triangles whose places are recorded
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from dvr_cli.jit import compiled, inlined
-from dvr_cli.relax.uniform import DROPPED, FACTORS, HALF, LOW, ROUNDS, STEPS, UNIT
+from dvr_cli.relax import uniform
+from dvr_cli.relax.uniform import DROPPED, HALF, LOW, UNIT
+
+philox: Any = inlined(uniform.philox)  # of numbers, where NumPy takes arrays: the same lines
 
 
 @compiled
@@ -28,17 +33,3 @@ def unit_vectors(vertices: np.ndarray, key: np.uint64, sweep: np.uint64, result:
             width = 2.0 * np.sqrt(1.0 - square)
             result[i, 0], result[i, 1] = u * width, v * width
             result[i, 2] = 1.0 - 2.0 * square
-
-
-@inlined
-def philox(
-    counter: tuple[np.uint64, np.uint64, np.uint64, np.uint64], key: np.uint64
-) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
-    """As ``uniform.philox``, for one counter."""
-    a, b, c, d = counter
-    left, right = key & LOW, key >> HALF
-    for _ in range(ROUNDS):
-        one, other = a * FACTORS[0], c * FACTORS[1]
-        a, b, c, d = other >> HALF ^ b ^ left, other & LOW, one >> HALF ^ d ^ right, one & LOW
-        left, right = left + STEPS[0] & LOW, right + STEPS[1] & LOW
-    return a, b, c, d
