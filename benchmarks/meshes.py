@@ -123,13 +123,39 @@ def gmsh_sphere(h: float) -> Mesh:
 def gmsh_part(h: float) -> Mesh:
     """A drilled plate with a bored boss, 60 x 40 x 30, meshed and optimised by Gmsh with edge length h."""
     with _gmsh_model(h):
-        occ = gmsh.model.occ
-        plate, boss = occ.addBox(0, 0, 0, 60, 40, 8), occ.addCylinder(18, 20, 0, 0, 0, 30, 12)
-        body, _ = occ.fuse([(3, plate)], [(3, boss)])
-        holes = [occ.addCylinder(18, 20, -1, 0, 0, 32, 7)]
-        holes += [occ.addCylinder(x, y, -1, 0, 0, 10, 3) for x in (40, 52) for y in (8, 32)]
-        occ.cut(body, [(3, hole) for hole in holes])
+        _add_part()
         return _meshed()
+
+
+@kept
+def part_by_gmsh(h: float, algorithm: int, optimised: int) -> Mesh:
+    """The part of ``gmsh_part`` by an algorithm of Gmsh's for volumes, optimised (1) or not (0)."""
+    with _gmsh_model(h):
+        gmsh.option.setNumber("Mesh.Algorithm3D", algorithm)
+        gmsh.option.setNumber("Mesh.Optimize", optimised)
+        _add_part()
+        return _meshed()
+
+
+@kept
+def part_surface(h: float) -> Mesh:
+    """The surface of ``gmsh_part``, (n, 3) triangles seen from outside."""
+    with _gmsh_model(h):
+        _add_part()
+        return _meshed(2)
+
+
+@kept
+def gmsh_plate(h: float, smoothing: int) -> Mesh:
+    """A square plate with two holes, in triangles by Gmsh, so many times smoothed by it."""
+    with _gmsh_model(h):
+        gmsh.option.setNumber("Mesh.Smoothing", smoothing)
+        occ = gmsh.model.occ
+        plate = occ.addRectangle(0, 0, 0, 1, 1)
+        holes = [(2, occ.addDisk(0.3, 0.35, 0, 0.15, 0.15)), (2, occ.addDisk(0.7, 0.7, 0, 0.1, 0.1))]
+        occ.cut([(2, plate)], holes)
+        mesh = _meshed(2)
+        return Mesh(mesh.points[:, :2], mesh.cells)
 
 
 def write_msh(mesh: Mesh, path: Path) -> None:
@@ -208,13 +234,24 @@ def _gmsh_model(h: float) -> Iterator[None]:
         gmsh.finalize()
 
 
-def _meshed() -> Mesh:
-    """The tetrahedra of the Gmsh model, and the points they use."""
+def _add_part() -> None:
+    """The drilled plate with a bored boss, in the Gmsh model."""
+    occ = gmsh.model.occ
+    plate, boss = occ.addBox(0, 0, 0, 60, 40, 8), occ.addCylinder(18, 20, 0, 0, 0, 30, 12)
+    body, _ = occ.fuse([(3, plate)], [(3, boss)])
+    holes = [occ.addCylinder(18, 20, -1, 0, 0, 32, 7)]
+    holes += [occ.addCylinder(x, y, -1, 0, 0, 10, 3) for x in (40, 52) for y in (8, 32)]
+    occ.cut(body, [(3, hole) for hole in holes])
+
+
+def _meshed(dimension: int = 3) -> Mesh:
+    """The tetrahedra of the Gmsh model, or the triangles of a model of surfaces, and the points they use."""
     gmsh.model.occ.synchronize()
-    gmsh.model.mesh.generate(3)
+    gmsh.model.mesh.generate(dimension)
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     number = np.zeros(int(tags.max()) + 1, dtype=np.int32)
     number[tags] = np.arange(len(tags))
-    _, nodes = gmsh.model.mesh.getElementsByType(4)
-    used, tets = np.unique(number[nodes], return_inverse=True)
-    return Mesh(coordinates.reshape(-1, 3)[used], [Cells("tetra", tets.reshape(-1, 4).astype(np.int32))])
+    _, nodes = gmsh.model.mesh.getElementsByType({2: 2, 3: 4}[dimension])
+    used, cells = np.unique(number[nodes], return_inverse=True)
+    block = Cells(_SIMPLEX[dimension], cells.reshape(-1, dimension + 1).astype(np.int32))
+    return Mesh(coordinates.reshape(-1, 3)[used], [block])

@@ -21,8 +21,20 @@ SECTIONS = (
     "untangle",
     "quality",
     "tools",
+    "solvers",
 )
-_PACKAGES = ("dvr-cli", "numpy", "numba", "meshio", "gmsh", "netgen-mesher", "vtk", "scipy")
+_PACKAGES = (
+    "dvr-cli",
+    "numpy",
+    "numba",
+    "meshio",
+    "gmsh",
+    "netgen-mesher",
+    "vtk",
+    "scipy",
+    "scikit-fem",
+    "tetgen",
+)
 
 
 def main() -> None:
