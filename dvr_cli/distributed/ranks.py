@@ -4,14 +4,52 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from dvr_cli.distributed.job import END, FAILED, JOIN, LEAD, ending_the_job
+
+Result = TypeVar("Result")
+
+
+def on_lead(comm: Any, work: Callable[[], Result]) -> Result | None:
+    """The result of work that the leading rank does and others follow; None on these.
+
+    What it raises is raised on all ranks.
+    """
+    result, error = None, None
+    if comm.rank == LEAD:
+        result, error = _tried(work)
+        comm.bcast((END, (FAILED,)), LEAD)
+    else:
+        follow(comm)
+    error = comm.bcast(error, LEAD)
+    if error is not None:
+        raise error
+    return result
+
+
+def on_all(comm: Any, work: Callable[[], Result]) -> Result:
+    """The result of work that each rank does; what the first rank that fails raises is raised on all."""
+    result, error = _tried(work)
+    first = next(filter(None, comm.allgather(error)), None)
+    if first is not None:
+        raise first
+    assert result is not None
+    return result
+
+
+def _tried(work: Callable[[], Result]) -> tuple[Result | None, BaseException | None]:
+    try:
+        return work(), None
+    except BaseException as error:  # others would wait for ever for a rank that ends alone
+        return None, error
 
 
 def run_on_ranks(comm: Any, command: Callable[[], int]) -> int:
     """Run a command on the leading rank, and follow it on all others; returns its exit code on each."""
     if comm.rank != LEAD:
+        for number in (signal.SIGINT, signal.SIGTERM):  # for the leading rank to heed
+            signal.signal(number, signal.SIG_IGN)
         return follow(comm)
     code = FAILED
     try:
@@ -22,12 +60,7 @@ def run_on_ranks(comm: Any, command: Callable[[], int]) -> int:
 
 
 def follow(comm: Any) -> int:
-    """Do what the leading rank asks for; returns the exit code of the job.
-
-    Signals are for the leading rank to heed.
-    """
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
+    """Do what the leading rank asks for; returns the exit code of the job."""
     member = None
     while True:
         task, arguments = comm.bcast(None, LEAD)

@@ -3,8 +3,6 @@
 import json
 import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import meshio
@@ -13,7 +11,6 @@ import pytest
 
 from dvr_cli.cli.main import main
 from meshes import KINDS, random_mesh, tangled
-from needs import require, require_program
 
 SWEEPS = "-d random,steepest -n 2 --tol 0 --no-polish --no-patches"
 # name of a mesh, and options
@@ -34,39 +31,13 @@ RUNS = (
     ("few", "-n 3"),  # fewer vertices than ranks
     ("none", "-n 3"),
 )
-ENVIRONMENT = {
-    **os.environ,
-    "CI": "",
-    # Open MPI: more ranks than cores, and as root, as in containers
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMPI_MCA_rmaps_base_oversubscribe": "1",
-    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
-}
 
 
-@pytest.fixture(scope="module")
-def mpiexec():
-    require("mpi4py.MPI")
-    beside = Path(sys.executable).with_name("mpiexec")  # where the wheels of MPIs put it
-    return str(beside) if beside.exists() else require_program("mpiexec")
-
-
-def job(mpiexec, ranks, folder, commands, *fault):
+def job(on_ranks, ranks, folder, commands, *fault):
     """The process of a job, and the exit codes of its commands if it came so far."""
     (folder / "commands.json").write_text(json.dumps(commands))
-    script = Path(__file__).with_name("job.py")
     files = folder / "commands.json", folder / "codes.json"
-    words = [mpiexec, "-n", str(ranks), sys.executable, script, *files, *fault]
-    done = subprocess.run(
-        [str(word) for word in words],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=600,
-        env=ENVIRONMENT,
-        cwd=folder,
-    )
+    done = on_ranks(ranks, "job.py", *files, *fault, cwd=folder)
     return done, json.loads(files[1].read_text()) if files[1].exists() else None
 
 
@@ -119,10 +90,10 @@ def serial(tmp_path_factory):
 
 
 @pytest.mark.parametrize("ranks", [2, 3, 8, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 4))])
-def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, mpiexec, serial, ranks):
+def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, serial, ranks):
     expected, codes = serial
     commands = commands_of(expected, RUNS, "--mpi")
-    done, ends = job(mpiexec, ranks, tmp_path, commands)
+    done, ends = job(on_ranks, ranks, tmp_path, commands)
     assert (done.returncode, done.stderr) == (0, "")
     assert ends == codes
     for i, run in enumerate(RUNS):
@@ -139,7 +110,7 @@ def test_vertices_moved_in_these_runs(serial):
         assert moved == (name != "none" and "time-limit" not in options), RUNS[i]
 
 
-def test_messages_come_once(tmp_path, mpiexec):
+def test_messages_come_once(tmp_path, on_ranks):
     """What is wrong with the input, options or walking is one line, and nothing is written."""
     mesh = write(tmp_path, "tetra")
     (tmp_path / "cut.vtk").write_bytes(mesh.read_bytes()[:-100])
@@ -149,7 +120,7 @@ def test_messages_come_once(tmp_path, mpiexec):
         ["smooth", "tetra.vtk", "out.vtk", "--seed", "x", *more],
         ["report", "quality", "tetra.vtk", "--mpi"],
     ]
-    done, ends = job(mpiexec, 3, tmp_path, commands)
+    done, ends = job(on_ranks, 3, tmp_path, commands)
     assert ends == [3, 2, 2]
     lines = done.stderr.splitlines()
     assert [line.split(":")[0] for line in lines] == ["dvr"] * 3
@@ -158,14 +129,14 @@ def test_messages_come_once(tmp_path, mpiexec):
     assert not list(tmp_path.glob("out*"))
 
 
-def test_boundaries_on_which_vertices_walk_are_refused(tmp_path, mpiexec):
+def test_boundaries_on_which_vertices_walk_are_refused(tmp_path, on_ranks):
     mesh = random_mesh("tetra", 0, n=2)
     radius = np.linalg.norm(mesh.points - 0.5, axis=1, keepdims=True)
     size = np.abs(mesh.points - 0.5).max(axis=1, keepdims=True)
     points = (mesh.points - 0.5) * size / np.where(radius > 0, radius, 1.0)  # a ball
     meshio.Mesh(points, [("tetra", mesh.cells[0].vertices)]).write(tmp_path / "ball.vtk")
     options = ["--boundary", "project", "--feature-angle", "120", "--engine", "numpy", "--mpi"]
-    done, ends = job(mpiexec, 2, tmp_path, [["smooth", "ball.vtk", "out.vtk", *options]])
+    done, ends = job(on_ranks, 2, tmp_path, [["smooth", "ball.vtk", "out.vtk", *options]])
     assert ends == [2]
     assert done.stderr == (
         "dvr: error: mpi: curved boundaries and surfaces, whose vertices walk, are relaxed by one rank only\n"
@@ -173,20 +144,20 @@ def test_boundaries_on_which_vertices_walk_are_refused(tmp_path, mpiexec):
     assert not list(tmp_path.glob("out*"))
 
 
-def test_a_rank_that_fails_ends_the_job(tmp_path, mpiexec):
+def test_a_rank_that_fails_ends_the_job(tmp_path, on_ranks):
     commands = commands_of(tmp_path, [("tetra", SWEEPS)], "--mpi")
-    done, ends = job(mpiexec, 3, tmp_path, commands, "a rank fails")
+    done, ends = job(on_ranks, 3, tmp_path, commands, "a rank fails")
     assert done.returncode != 0
     assert ends is None
     assert "dvr: internal error on rank 2: MemoryError: nothing left" in done.stderr
     assert not (tmp_path / "0.vtk").exists()
 
 
-def test_an_interrupted_job_writes_what_it_has_reached(tmp_path, mpiexec):
+def test_an_interrupted_job_writes_what_it_has_reached(tmp_path, on_ranks):
     """All ranks get the signal, as from a terminal; the leading one ends the sweep that follows."""
     runs = [("tetra", "-d random -n 9 --tol 0 --no-polish")]
     command = [word for word in commands_of(tmp_path, runs, "--mpi")[0] if word != "--quiet"]
-    done, ends = job(mpiexec, 3, tmp_path, [command], "interrupted")
+    done, ends = job(on_ranks, 3, tmp_path, [command], "interrupted")
     assert ends == [130]
     assert "interrupted" in done.stderr
     report = json.loads((tmp_path / "0.quality.json").read_text())

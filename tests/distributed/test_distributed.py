@@ -1,0 +1,9 @@
+"""Meshes that are distributed already: bit for bit what one process makes of the whole, see ``pieces``."""
+
+import pytest
+
+
+@pytest.mark.parametrize("ranks", [1, 3, *(pytest.param(n, marks=pytest.mark.long) for n in (2, 4))])
+def test_pieces_come_out_as_from_the_whole(on_ranks, ranks):
+    done = on_ranks(ranks, "pieces.py")
+    assert (done.returncode, done.stderr) == (0, "")
