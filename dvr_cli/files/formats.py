@@ -28,7 +28,8 @@ class Format:
 
     name: as ``--input-format`` and ``--output-format`` take it.
     suffixes: those its files go by, in lower case, the dot included. Several formats may share one.
-    signature: matches the first bytes of its files, None if they do not give it away.
+    signature: the regular expression that the first bytes of its files match, compiled when a file needs it;
+        None if they do not give it away.
     reader: the module in this package whose ``read`` makes a Source of a file.
     several: its meshes may be spread over several files. ``read`` then takes an InputFile, else bytes.
     named_meshes: a file may hold several meshes, of which one is chosen by name.
@@ -43,7 +44,7 @@ class Format:
 
     name: str
     suffixes: tuple[str, ...]
-    signature: re.Pattern[bytes] | None = None
+    signature: bytes | None = None
     reader: str = _MESHIO
     several: bool = False
     named_meshes: bool = False
@@ -97,7 +98,7 @@ REGISTRY = (
     Format(
         "gmsh",
         (".msh", ".msh2", ".msh4"),
-        re.compile(rb"\s*\$(MeshFormat|Comments|NOD)\b"),
+        rb"\s*\$(MeshFormat|Comments|NOD)\b",
         reader="gmsh",
         meshio=("gmsh22", {"binary": True}),  # its 4.1 needs tags that other formats do not have
         versions="MSH 1, 2.0 to 2.2, 3, 4.0, 4.1; text and binary",
@@ -108,7 +109,7 @@ REGISTRY = (
     Format(
         "vtk",
         (".vtk",),
-        re.compile(_BOM + rb"\s*# vtk DataFile"),
+        _BOM + rb"\s*# vtk DataFile",
         reader="vtk",
         meshio=("vtk42", {}),  # its default, 5.1, is one Gmsh cannot open
         versions="1.0 to 5.1; text and binary",
@@ -119,7 +120,7 @@ REGISTRY = (
     Format(
         "vtp",
         (".vtp",),
-        re.compile(_XML + rb"<VTKFile[^>]*\stype=[\"']PolyData", re.DOTALL),
+        rb"(?s)" + _XML + rb"<VTKFile[^>]*\stype=[\"']PolyData",
         reader="vtkxml.vtp",
         converter=None,
         versions="text, base64, raw, compressed",
@@ -128,7 +129,7 @@ REGISTRY = (
     Format(
         "vtu",
         (".vtu",),
-        re.compile(_XML + rb"<VTKFile", re.DOTALL),
+        rb"(?s)" + _XML + rb"<VTKFile",
         reader="vtkxml.vtu",
         versions="text, base64, raw, compressed, several pieces",
         regions="cell fields",
@@ -136,8 +137,8 @@ REGISTRY = (
     Format(
         "medit",
         (".mesh", ".meshb"),
-        re.compile(
-            rb"(\xef\xbb\xbf)?" + _COMMENTS + rb"MeshVersionFormatted"
+        (
+            _BOM + _COMMENTS + rb"MeshVersionFormatted"
             rb"|\x01\0\0\0[\1-\4]\0\0\0\x03\0\0\0|\0\0\0\x01\0\0\0[\1-\4]\0\0\0\x03"  # binary
         ),
         reader="medit",
@@ -150,7 +151,7 @@ REGISTRY = (
     Format(
         "off",
         (".off",),
-        re.compile(_BOM + _COMMENTS + rb"(ST)?C?N?4?n?OFF\b"),
+        _BOM + _COMMENTS + rb"(ST)?C?N?4?n?OFF\b",
         reader="off",
         converter="off",
         versions="OFF, COFF, NOFF, STOFF; text and binary",
@@ -160,7 +161,7 @@ REGISTRY = (
     Format(
         "ply",
         (".ply",),
-        re.compile(rb"ply[ \t]*[\r\n]"),
+        rb"ply[ \t]*[\r\n]",
         reader="ply",
         converter="ply",
         versions="1.0; text and binary of either byte order",
@@ -170,7 +171,7 @@ REGISTRY = (
     Format(
         "obj",
         (".obj",),
-        re.compile(rb"(\s*#[^\n]*\n|\s*(mtllib|usemtl|o|g|s)\s[^\n]*\n|\s*\n)*\s*v[tn]?\s+[-+.\d]"),
+        rb"(\s*#[^\n]*\n|\s*(mtllib|usemtl|o|g|s)\s[^\n]*\n|\s*\n)*\s*v[tn]?\s+[-+.\d]",
         reader="obj",
         versions="polygons, lines and points",
         regions="objects, groups, materials",
@@ -188,7 +189,7 @@ REGISTRY = (
     Format(
         "abaqus",
         (".inp",),
-        re.compile(rb"(\xef\xbb\xbf)?(\s*\*\*[^\n]*\n)*\s*\*(?!KEYWORD\b)[A-Za-z]", re.IGNORECASE),
+        rb"(?i)" + _BOM + rb"(\s*\*\*[^\n]*\n)*\s*\*(?!KEYWORD\b)[A-Za-z]",
         reader="abaqus",
         several=True,
         converter="abaqus",
@@ -196,11 +197,11 @@ REGISTRY = (
         regions="sections, element sets, parts",
         checked_by=("gmsh",),
     ),
-    Format("tecplot", (".dat", ".tec"), re.compile(rb"(?i)\s*(#[^\n]*\n\s*)*(TITLE|VARIABLES|ZONE)\b")),
+    Format("tecplot", (".dat", ".tec"), rb"(?i)\s*(#[^\n]*\n\s*)*(TITLE|VARIABLES|ZONE)\b"),
     Format(
         "nastran",
         (".bdf", ".nas", ".fem", ".dat"),
-        re.compile(_DECK),
+        _DECK,
         reader="nastran",
         several=True,
         converter="nastran.convert",
@@ -212,7 +213,7 @@ REGISTRY = (
     Format(
         "su2",
         (".su2",),
-        re.compile(rb"(?i)(\s*%[^\n]*\n)*\s*(NDIME|NZONE|NELEM|NPOIN)[ \t]*="),
+        rb"(?i)(\s*%[^\n]*\n)*\s*(NDIME|NZONE|NELEM|NPOIN)[ \t]*=",
         reader="su2",
         converter="su2.convert",
         versions="one zone or several",
@@ -222,7 +223,7 @@ REGISTRY = (
     Format(
         "stl",
         (".stl",),
-        re.compile(rb"\s*solid\b[^\n]*\n\s*(facet|endsolid)\b", re.IGNORECASE),
+        rb"(?i)\s*solid\b[^\n]*\n\s*(facet|endsolid)\b",
         reader="stl",
         converter="stl",
         versions="text and binary",
@@ -231,7 +232,7 @@ REGISTRY = (
     Format(
         "xdmf",
         (".xdmf", ".xmf"),
-        re.compile(_XML + rb"(<!DOCTYPE[^>]*>\s*)?(<!--.*?-->\s*)*<Xdmf\b", re.DOTALL),
+        rb"(?s)" + _XML + rb"(<!DOCTYPE[^>]*>\s*)?(<!--.*?-->\s*)*<Xdmf\b",
         reader="xdmf",
         several=True,
         converter="xdmf.convert",
@@ -242,7 +243,7 @@ REGISTRY = (
     Format(
         "med",
         (".med", ".mmed", ".rmed"),
-        re.compile(rb"\x89HDF.*(ENS_MAA|INFOS_GENERALES|MED file)", re.DOTALL),
+        rb"(?s)\x89HDF.*(ENS_MAA|INFOS_GENERALES|MED file)",
         reader="med",
         several=True,
         named_meshes=True,
@@ -255,7 +256,7 @@ REGISTRY = (
     Format(
         "cgns",
         (".cgns",),
-        re.compile(rb"\x89HDF.*CGNS|.{,16}ADF Database", re.DOTALL),
+        rb"(?s)\x89HDF.*CGNS|.{,16}ADF Database",
         reader="cgns",
         converter=None,
         versions="HDF5, unstructured",
@@ -266,7 +267,7 @@ REGISTRY = (
     Format(
         "exodus",
         (".e", ".exo", ".ex2", ".exii", ".g", ".gen"),
-        re.compile(rb"CDF[\x01\x02\x05].*(num_nod|coord)|\x89HDF.*api_version", re.DOTALL),
+        rb"(?s)CDF[\x01\x02\x05].*(num_nod|coord)|\x89HDF.*api_version",
         reader="exodus",
         converter="exodus.convert",
         versions="every netCDF variant",
@@ -277,7 +278,7 @@ REGISTRY = (
     Format(
         "avsucd",
         (".avs", ".inp"),
-        re.compile(_COMMENTS + rb"(\d+[ \t]+){4}\d+[ \t]*[\r\n]|\x07"),
+        _COMMENTS + rb"(\d+[ \t]+){4}\d+[ \t]*[\r\n]|\x07",
         reader="avsucd",
         converter="avsucd",
         versions="text",
@@ -292,7 +293,7 @@ REGISTRY = (
     Format(
         "netgen",
         (".vol",),
-        re.compile(_COMMENTS + rb"mesh3d\b"),
+        _COMMENTS + rb"mesh3d\b",
         reader="netgen",
         versions="older and newer",
         regions="materials, boundary conditions",
@@ -301,7 +302,7 @@ REGISTRY = (
     Format(
         "unv",
         (".unv", ".uff"),
-        re.compile(rb"\s*-1[ \t]*\r?\n\s*\d{2,4}[ \t]*\r?\n"),
+        rb"\s*-1[ \t]*\r?\n\s*\d{2,4}[ \t]*\r?\n",
         reader="unv",
         converter=None,
         versions="datasets 15, 781, 2411, 2412, groups",
@@ -336,5 +337,5 @@ def format_of(path: Path, data: bytes) -> Format | None:
     if len(known) == 1:
         return known[0]
     head = bytes(data[:4096])
-    told = (r for r in known or REGISTRY if r.signature is not None and r.signature.match(head))
+    told = (r for r in known or REGISTRY if r.signature is not None and re.match(r.signature, head))
     return next(told, known[0] if known else None)

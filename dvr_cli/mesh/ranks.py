@@ -1,4 +1,4 @@
-"""Ranks: numbers without gaps for values that may have any."""
+"""Distinct whole numbers, and ranks: numbers without gaps for values that may have any."""
 
 from __future__ import annotations
 
@@ -17,3 +17,14 @@ def ranks(values: np.ndarray) -> np.ndarray:
     used = np.zeros(spread + 1, bool)
     used[offset] = True
     return (np.cumsum(used) - 1)[offset]
+
+
+def distinct(values: np.ndarray) -> np.ndarray:
+    """The distinct ones of (n,) whole numbers, ascending, as np.unique has them.
+
+    That function loads numpy.ma first, which is a thirtieth of a short run.
+    """
+    ordered = np.sort(values)
+    first = np.ones(len(ordered), bool)
+    first[1:] = ordered[1:] != ordered[:-1]
+    return ordered[first]

@@ -17,7 +17,7 @@ import re
 import numpy as np
 
 from dvr_cli.mesh.mesh import Mesh
-from dvr_cli.mesh.ranks import ranks
+from dvr_cli.mesh.ranks import distinct, ranks
 
 # Cell data that name regions, compared without case and without anything but letters and digits.
 REGION_NAMES = frozenset(
@@ -61,15 +61,17 @@ REGION_NAMES = frozenset(
         "subdomains",
     }
 )
-_OF_FORMAT = re.compile(r"[a-z][a-z0-9-]*:(?!attr)[a-z]+[0-9]*")
-_NUMBERING = re.compile(
+# compiled by the first run that has cell data
+_OF_FORMAT = r"[a-z][a-z0-9-]*:(?!attr)[a-z]+[0-9]*"
+_NUMBERING = (
     r"(vtk|exodus|gmsh|abaqus|nastran)*(global|local|original|pedigree|parent|cell|elem|element)+"
     r"(id|ids|index|indices|number|numbers|num|no)"
 )
-_PARTITION = re.compile(
-    r".*(partition|ghost|processor|mpirank|metis).*|(vtk|mpi)?(rank|proc|process|owner)s?(id|ids|number|no|index)?"
+_PARTITION = (
+    r".*(partition|ghost|processor|mpirank|metis).*"
+    r"|(vtk|mpi)?(rank|proc|process|owner)s?(id|ids|number|no|index)?"
 )
-_COLOUR = re.compile(r"(diffuse|ambient|specular)?(red|green|blue|alpha)")
+_COLOUR = r"(diffuse|ambient|specular)?(red|green|blue|alpha)"
 _SAMPLE = 4096  # cells looked at before all are
 
 
@@ -83,7 +85,7 @@ def region_names(mesh: Mesh) -> list[str]:
         if _plain(name) in REGION_NAMES and all(_whole(array) for array in arrays):
             known.append(name)
         elif all(array.dtype.kind in "iub" for array in arrays) and not is_no_region(name):
-            if _OF_FORMAT.fullmatch(name):
+            if re.fullmatch(_OF_FORMAT, name):
                 known.append(name)
             elif _has_few_values(arrays):
                 others.append(name)
@@ -93,7 +95,7 @@ def region_names(mesh: Mesh) -> list[str]:
 def is_no_region(name: str) -> bool:
     """True if cell data or a set of this name number cells, colour them, or say which process has them."""
     plain = _plain(name)
-    return any(pattern.fullmatch(plain) for pattern in (_NUMBERING, _PARTITION, _COLOUR))
+    return any(re.fullmatch(pattern, plain) for pattern in (_NUMBERING, _PARTITION, _COLOUR))
 
 
 def _plain(name: str) -> str:
@@ -110,8 +112,8 @@ def _has_few_values(arrays: list[np.ndarray]) -> bool:
     """True if tags, an array a block, have several values, but few beside the number of cells."""
     n = sum(map(len, arrays))
     most = max(2.0, min(n / 4, 4 * np.sqrt(n)))
-    sample = np.concatenate([array[: _SAMPLE // len(arrays) + 1] for array in arrays]) if arrays else arrays
-    if len(np.unique(sample)) > most:
+    sample = [array[: _SAMPLE // len(arrays) + 1] for array in arrays]
+    if arrays and len(distinct(np.concatenate(sample))) > most:
         return False
     values = np.concatenate(arrays) if arrays else np.empty(0, dtype=np.int64)
     return 1 < ranks(values).max(initial=0) + 1 <= min(most, n - 1)

@@ -22,6 +22,7 @@ import numpy as np
 
 from dvr_cli.mesh.corners import SHAPES
 from dvr_cli.mesh.domain import Domain
+from dvr_cli.mesh.ranks import distinct
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.measure import Element, Quality
 
@@ -74,7 +75,7 @@ def limit_of(
     count = len(vertices)
 
     if moves.any() and element.quality > 0:
-        among = np.unique([v for worst in quality.worst for v in _vertices(domain, worst)])
+        among = distinct(np.concatenate([_vertices(domain, worst) for worst in quality.worst]))
         among = among[_ideal_all_round(domain)[among]]
         from dvr_cli.quality.fans import fans
 
@@ -120,10 +121,10 @@ def _cell(domain: Domain, element: Element) -> int:
     return int(np.searchsorted(domain.cell_ids, element.cell))
 
 
-def _vertices(domain: Domain, element: Element) -> list[int]:
+def _vertices(domain: Domain, element: Element) -> np.ndarray:
     """The vertices of an element of the domain."""
     own = slice(*domain.corners.start[_cell(domain, element) :][:2])
-    return np.unique(domain.corners.vertices[own]).tolist()
+    return distinct(domain.corners.vertices[own].ravel())
 
 
 def _ideal_all_round(domain: Domain) -> np.ndarray:

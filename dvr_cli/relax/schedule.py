@@ -13,6 +13,7 @@ import numpy as np
 from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.csr import group, row_entries
 from dvr_cli.mesh.hashing import mixed
+from dvr_cli.mesh.ranks import distinct
 from dvr_cli.mesh.rings import Incidence
 from dvr_cli.options import OPTIONS
 
@@ -88,7 +89,7 @@ def _level_sets(start: np.ndarray, neighbours: np.ndarray, sequence: np.ndarray)
         after = neighbours[entries][~before[entries]]
         after = after[after >= 0]
         np.subtract.at(waiting, after, 1)
-        ready = np.unique(after[waiting[after] == 0])
+        ready = distinct(after[waiting[after] == 0])
 
 
 def colours(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ import numpy as np
 from dvr_cli.errors import InputError
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells
+from dvr_cli.mesh.ranks import distinct
 
 VERTEX, POLY_VERTEX, LINE, POLY_LINE, TRIANGLE, POLYGON, QUAD = 1, 2, 3, 4, 5, 7, 9
 
@@ -209,7 +210,7 @@ def structured_block(dimensions: tuple[int, int, int]) -> Cells:
 
 
 def _check_types(types: np.ndarray) -> None:
-    for kind in np.unique(types).tolist():
+    for kind in distinct(types).tolist():
         if kind not in _TYPES and kind not in (POLY_VERTEX, POLY_LINE, POLYGON):
             cell = int(np.argmax(types == kind))
             name = _UNSUPPORTED.get(kind, "unknown cells")

@@ -8,6 +8,7 @@ import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.csr import row_entries
+from dvr_cli.mesh.ranks import distinct
 from dvr_cli.mesh.rings import incidence_of
 from dvr_cli.relax.problem import Problem
 
@@ -93,8 +94,8 @@ def choose(
         around = np.array([seed])
         for _ in range(layers[seed] + 1):
             inside = relaxed[around]
-            vertices = np.unique(inside[inside >= 0])
-            around = np.unique(incident[row_entries(start, vertices)[0]])
+            vertices = distinct(inside[inside >= 0])
+            around = distinct(incident[row_entries(start, vertices)[0]])
         if claimed[around].any():
             continue
         claimed[around] = True
