@@ -19,7 +19,7 @@ SAMPLES = sorted(
     for path in (Path(__file__).parents[2] / "sample_meshes").iterdir()
     if path.suffix not in (".py", ".md", ".png")
 )
-UNMOVED = SmoothOptions(stopping=Stopping(max_iterations=0), patches=False, polish=False, engine="numpy")
+UNMOVED = SmoothOptions(stopping=Stopping(max_iterations=0), patches=False, polish=False)
 
 
 def bent_sheet(angle):

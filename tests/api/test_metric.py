@@ -29,7 +29,7 @@ def test_a_stretched_mesh_in_its_metric_gives_the_figures_of_the_mesh(kind):
     mesh = random_mesh(kind, 3)
     far, by, tensors = stretched(mesh)
     directions = np.random.default_rng(1).normal(size=(3, *mesh.points.shape))
-    options = {"max_iterations": 6, "tol": 0.0, "engine": "numpy", "order": "natural"}
+    options = {"max_iterations": 6, "tol": 0.0, "order": "natural"}
     plain = {**options, "directions": directions, "shape": "ideal"}
     points, expected = smooth_mesh(mesh, SmoothOptions.of(plain))
     moved, report = smooth_mesh(
@@ -47,7 +47,7 @@ def test_a_stretched_mesh_in_its_metric_gives_the_figures_of_the_mesh(kind):
 @pytest.mark.parametrize(("kind", "n"), [("triangle", 5), ("tetra", 3), ("hexahedron", 3)])
 def test_untangling_in_a_metric(kind, n):
     far, _, tensors = stretched(tangled(kind, n, 0.9, 1))
-    _, report = smooth_mesh(far, SmoothOptions(untangle=True, metric=tensors, engine="numpy"))
+    _, report = smooth_mesh(far, SmoothOptions(untangle=True, metric=tensors))
     assert report.before.inverted > 0
     assert report.after.inverted == 0
 
@@ -57,7 +57,7 @@ def test_a_metric_that_changes_from_vertex_to_vertex_keeps_the_guarantee(kind):
     """In the default run, polishing included."""
     mesh = random_mesh(kind, 5)
     tensors = random_tensors(len(mesh.points), mesh.points.shape[1], 4)
-    points, report = smooth_mesh(mesh, SmoothOptions(metric=tensors, engine="numpy", patches=True))
+    points, report = smooth_mesh(mesh, SmoothOptions(metric=tensors, patches=True))
     assert at_least(report.after.vector, report.before.vector)
     assert report.after.q1 > report.before.q1
     told = dvr_cli.quality_report(points, {b.type: b.vertices for b in mesh.cells}, metric=tensors)
@@ -84,9 +84,9 @@ def test_curved_boundaries_move_in_a_metric(kind):
     points[:, -1] += 0.2 * np.sin(2.0 * points[:, 0])
     bent, d = Mesh(points, mesh.cells), points.shape[1]
     tensors = np.diag([4.0, 1.0, 2.0][:d]) + 0.1 * random_tensors(len(points), d, 1)
-    options = SmoothOptions(metric=tensors, boundary="project", engine="numpy", patches=True, polish=True)
+    options = SmoothOptions(metric=tensors, boundary="project", patches=True, polish=True)
     _, report = smooth_mesh(bent, options)
-    _, held = smooth_mesh(bent, SmoothOptions(metric=tensors, engine="numpy", patches=True))
+    _, held = smooth_mesh(bent, SmoothOptions(metric=tensors, patches=True))
     assert report.relaxed > held.relaxed
     assert at_least(report.after.vector, report.before.vector)
     assert report.after.q1 > report.before.q1

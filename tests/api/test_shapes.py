@@ -116,8 +116,8 @@ def test_layers_stay_where_the_boundary_moves(boundary):
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_kept_gives_the_bits_of_ideal(kind):
     mesh = random_mesh(kind, 7)
-    one, report = smooth_mesh(mesh, SmoothOptions(engine="numpy", patches=False))
-    two, _ = smooth_mesh(mesh, SmoothOptions(engine="numpy", patches=False, shape="ideal"))
+    one, report = smooth_mesh(mesh, SmoothOptions(patches=False))
+    two, _ = smooth_mesh(mesh, SmoothOptions(patches=False, shape="ideal"))
     assert one.tobytes() == two.tobytes()
     assert report.shape.kept == 0
     assert report.plain is None

@@ -124,7 +124,7 @@ def squashed_ball() -> Mesh:
 def test_what_holds_the_worst_triangle_of_a_surface_is_said_with_the_options_that_help():
     """A flat triangle looks like a feature, and coarse facets leave the bound at once: both are named."""
     mesh, stopping = squashed_ball(), Stopping(max_iterations=12)
-    options = SmoothOptions(engine="numpy", directions="random", stopping=stopping)
+    options = SmoothOptions(directions="random", stopping=stopping)
     _, report = smooth_mesh(mesh, options)
     assert report.after.q1 < 0.2
     assert report.limited_by.kind == "shape"

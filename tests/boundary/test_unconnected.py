@@ -101,7 +101,7 @@ def test_hanging_nodes_stay_and_are_counted(boundary):
     rng = np.random.default_rng(0)
     start[~sides] += rng.uniform(-0.1, 0.1, points[~sides].shape)
     moved, report = dvr_cli.smooth(
-        start, {"quad": cells}, boundary=boundary, engine="numpy", max_iterations=3
+        start, {"quad": cells}, boundary=boundary, max_iterations=3
     )
     on_line = points[:, 0] == 4.0
     assert report.mesh.hanging == 4
@@ -111,7 +111,7 @@ def test_hanging_nodes_stay_and_are_counted(boundary):
 
 def test_where_the_boundary_stays_nobody_looks():
     points, cells = half_refined()
-    _, report = dvr_cli.smooth(points, {"quad": cells}, engine="numpy", max_iterations=1)
+    _, report = dvr_cli.smooth(points, {"quad": cells}, max_iterations=1)
     assert report.mesh.hanging is None
     assert report.mesh.coincident is None
 
@@ -119,5 +119,5 @@ def test_where_the_boundary_stays_nobody_looks():
 def test_a_conforming_mesh_has_none():
     points, cells = half_refined()
     coarse = cells[(points[cells, 0] <= 4).all(axis=1)]
-    _, report = dvr_cli.smooth(points, {"quad": coarse}, boundary="slide", engine="numpy", max_iterations=1)
+    _, report = dvr_cli.smooth(points, {"quad": coarse}, boundary="slide", max_iterations=1)
     assert (report.mesh.hanging, report.mesh.coincident) == (0, 0)

@@ -241,7 +241,7 @@ def test_a_run_unfolds_first_and_says_so():
     mesh = shaken_ball(11, 0.3, 1)
     triangles = mesh.cells[0].vertices
     options = SmoothOptions(
-        engine="numpy", max_deviation=0.3, feature_angle=60.0, stopping=Stopping(max_iterations=2)
+        max_deviation=0.3, feature_angle=60.0, stopping=Stopping(max_iterations=2)
     )
     points, report = smooth_mesh(mesh, options)
     assert report.phases[0].record()["phase"] == "unfold"

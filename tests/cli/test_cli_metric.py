@@ -31,10 +31,10 @@ def test_fields_of_files(dvr, tmp_path, suffix, components):
     source, output = tmp_path / f"in{suffix}", tmp_path / f"out{suffix}"
     written = {".vtu": "vtu", ".vtk": "vtk42", ".msh": "gmsh22"}[suffix]
     meshio.write(source, meshio.Mesh(points, cells, {"wanted": values}), file_format=written)
-    result = dvr("smooth", source, output, "--metric", "wanted", "--engine", "numpy", "--no-report")
+    result = dvr("smooth", source, output, "--metric", "wanted", "--no-report")
     assert result.code == 0
     assert "in the metric, which asks for aspects of up to" in " ".join(result.err.split())
-    expected, _ = smooth_mesh(Mesh(points, mesh.cells), SmoothOptions(metric=tensors, engine="numpy"))
+    expected, _ = smooth_mesh(Mesh(points, mesh.cells), SmoothOptions(metric=tensors))
     read = meshio.read(output, file_format={".msh": "gmsh"}.get(suffix, suffix[1:]))
     assert read.points == pytest.approx(expected, abs=1e-12)
 

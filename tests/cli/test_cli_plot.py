@@ -122,7 +122,7 @@ def test_no_picture_code_unless_asked_for(tmp_path):
         "print('imported', *sys.modules)"
     )
     runs = [
-        f"smooth {source} {tmp_path}/out.vtu --quality-field --engine numpy",
+        f"smooth {source} {tmp_path}/out.vtu --quality-field",
         f"report quality {source}",
         f"report quality {source} --json",
         f"report compare {source} {tmp_path}/out.vtu",

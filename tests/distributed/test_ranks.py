@@ -89,7 +89,7 @@ def serial(tmp_path_factory):
         os.chdir(before)
 
 
-@pytest.mark.parametrize("ranks", [2, 3, 8, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 4))])
+@pytest.mark.parametrize("ranks", [3, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 2, 4, 8))])
 def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, serial, ranks):
     expected, codes = serial
     commands = commands_of(expected, RUNS, "--mpi")

@@ -375,7 +375,7 @@ def test_first_bytes_tell_a_deck_from_other_formats():
 def test_interfaces_between_sections_and_sets_stay(tmp_path, sections):
     path = tmp_path / "two.inp"
     path.write_text(TWO_MATERIALS + sections)
-    status = main(["smooth", str(path), str(tmp_path / "out.inp"), "--engine", "numpy", "--quiet"])
+    status = main(["smooth", str(path), str(tmp_path / "out.inp"), "--quiet"])
     assert status == 0
     before, after = open_mesh(path).mesh, open_mesh(tmp_path / "out.inp").mesh
     moved_ones = np.flatnonzero(differing(after.points, before.points).any(axis=1)).tolist()

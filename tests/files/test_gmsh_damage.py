@@ -122,7 +122,13 @@ def test_truncated_anywhere(name):
         assert "truncated" in message or size in between_sections or size <= len("$MeshFormat")
 
 
-@pytest.mark.parametrize("name", ["coarse-41-binary", "partitioned_topology-41-binary", "coarse-22-ascii"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "partitioned_topology-41-binary",
+        *(pytest.param(name, marks=pytest.mark.long) for name in ("coarse-41-binary", "coarse-22-ascii")),
+    ],
+)
 def test_no_count_is_believed(name):
     """Put huge numbers in place of every size in a file, and watch the memory."""
     data = corpus(name)

@@ -147,7 +147,7 @@ FORMATS: dict[str, Write] = {
 
 def smoothed(source: Path, *options: str) -> np.ndarray:
     target = source.with_name(f"out{source.suffix}")
-    fixed = ["--no-report", "--quiet", "--engine", "numpy", "-n", "3"]
+    fixed = ["--no-report", "--quiet", "-n", "3"]
     assert main(["smooth", str(source), str(target), *fixed, *options]) == 0
     return open_mesh(target).mesh.points
 

@@ -65,7 +65,7 @@ h
 
 def notes(source: Path, target: Path, capsys, *options: str) -> list[str]:
     capsys.readouterr()
-    arguments = ["smooth", str(source), str(target), "--no-report", "-n", "1", "--engine", "numpy", *options]
+    arguments = ["smooth", str(source), str(target), "--no-report", "-n", "1", *options]
     assert main(arguments) == 0
     return re.findall(r"note: .*?: (.*)\n", capsys.readouterr().err)
 

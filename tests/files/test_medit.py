@@ -389,7 +389,7 @@ def test_damaged_binary_is_refused_with_one_line(data, words):
 
 
 def smooth(*arguments: object) -> int:
-    return main(["smooth", *map(str, arguments), "--engine", "numpy", "-n", "5"])
+    return main(["smooth", *map(str, arguments), "-n", "5"])
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -209,7 +209,7 @@ def test_materials_bind_and_files_come_back_in_place(tmp_path):
     )
     path.write_text(text)
     before = open_mesh(path).mesh
-    assert main(["smooth", str(path), str(path), "--no-report", "-q", "--engine", "numpy", "-n", "2"]) == 0
+    assert main(["smooth", str(path), str(path), "--no-report", "-q", "-n", "2"]) == 0
     after = open_mesh(path).mesh
     between = np.intersect1d(triangles[right], triangles[~right])
     assert (after.points[between] == before.points[between]).all()

@@ -20,6 +20,7 @@ from needs import require
 SCRIPTS = Path(sysconfig.get_path("scripts"))
 DVR = str(SCRIPTS / "dvr")
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
+long = pytest.mark.long  # the same again for another format
 GEO = """
 SetFactory("OpenCASCADE");
 Box(1) = {0, 0, 0, 1, 1, 1};
@@ -68,8 +69,15 @@ def generator(tmp_path: Path) -> list[object]:
 
 
 @posix
-@pytest.mark.parametrize("binary", [[], ["-bin"]], ids=["ascii", "binary"])
-@pytest.mark.parametrize("version", ["msh22", "msh41"])
+@pytest.mark.parametrize(
+    ("version", "binary"),
+    [
+        pytest.param("msh22", [], id="msh22-ascii"),
+        pytest.param("msh41", ["-bin"], id="msh41-binary"),
+        pytest.param("msh22", ["-bin"], id="msh22-binary", marks=long),
+        pytest.param("msh41", [], id="msh41-ascii", marks=long),
+    ],
+)
 def test_from_gmsh_through_dvr_to_a_file(generator, version, binary):
     generated = run(*generator, "-format", version, *binary)
     assert generated.returncode == 0, generated.stderr
@@ -184,7 +192,9 @@ def test_a_format_that_bytes_do_not_tell_has_to_be_named():
 
 
 @posix
-@pytest.mark.parametrize("name", ["gmsh41-binary", "vtk", "vtu", "medit"])
+@pytest.mark.parametrize(
+    "name", ["gmsh41-binary", *(pytest.param(name, marks=long) for name in ("vtk", "vtu", "medit"))]
+)
 def test_a_pipe_that_has_a_name(tmp_path, name):
     """As a shell's <(...) and >(...), or /dev/stdin and /dev/stdout."""
     data = fan(tmp_path / "mesh", name)
@@ -235,7 +245,9 @@ def test_a_generator_that_fails_leaves_no_output(tmp_path):
 
 @posix
 @pytest.mark.parametrize("unbuffered", ["", "1"])
-@pytest.mark.parametrize("name", ["gmsh41-binary", "vtk-binary", "ply-binary"])
+@pytest.mark.parametrize(
+    "name", ["gmsh41-binary", *(pytest.param(name, marks=long) for name in ("vtk-binary", "ply-binary"))]
+)
 def test_a_reader_that_has_seen_enough_ends_it_quietly(tmp_path, name, unbuffered, monkeypatch):
     """The mesh is larger than a pipe holds."""
     monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)  # then Python leaves it to us to write all of it

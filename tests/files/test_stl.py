@@ -178,7 +178,7 @@ def test_refused_with_one_line_that_says_why(data, words):
 
 
 def smooth(*arguments: object) -> int:
-    return main(["smooth", *map(str, arguments), "--engine", "numpy", "-n", "5"])
+    return main(["smooth", *map(str, arguments), "-n", "5"])
 
 
 def square(n: int) -> tuple[np.ndarray, np.ndarray]:

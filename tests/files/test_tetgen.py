@@ -292,7 +292,7 @@ def test_facet_markers_bind_what_slides(tmp_path, capsys):
     inner = before.cells[1].vertices
     assert len(inner) == 6 * 4 * 4 * 2  # the faces of marker 0 are no cells
     arguments = ["smooth", str(tmp_path / "in.node"), str(tmp_path / "out.node"), "--boundary", "slide"]
-    assert main([*arguments, "-n", "5", "--engine", "numpy"]) == 0
+    assert main([*arguments, "-n", "5"]) == 0
     after = open_mesh(tmp_path / "out.node").mesh
     assert (tmp_path / "out.face").read_bytes() == (tmp_path / "in.face").read_bytes()
     moved = (after.points != before.points).any(axis=1)

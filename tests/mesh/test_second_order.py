@@ -198,7 +198,7 @@ def test_vertices_of_curved_cells_stay_and_the_others_move_as_if_these_were_held
     block = mesh.cells[0].vertices
     curved = np.isin(block, nodes).any(axis=1)
     stopping = Stopping(max_iterations=2, tol=0.0)
-    options = SmoothOptions(boundary=boundary, patches=False, polish=False, stopping=stopping, engine="numpy")
+    options = SmoothOptions(boundary=boundary, patches=False, polish=False, stopping=stopping)
     points, report = smooth_mesh(mesh, options)
     assert points[np.unique(block[curved])].tobytes() == mesh.points[np.unique(block[curved])].tobytes()
     assert (report.mesh.curved, report.mesh.straighten) == (count, False)

@@ -172,7 +172,7 @@ def test_a_target_is_a_goal_for_all_elements_and_moves_nothing_else():
     mesh = delaunay(150, 2, 3)
     cells = {"triangle": mesh.cells[0].vertices}
     interior = domain_of(mesh).interior
-    points, report = dvr_cli.smooth(mesh.points, cells, target=0.2, engine="numpy", patches=True)
+    points, report = dvr_cli.smooth(mesh.points, cells, target=0.2, patches=True)
     assert report.stopped_because == "target"
     assert [phase.phase for phase in report.phases] == ["relax", "patches"]
     assert oracle.mean_ratio(points[mesh.cells[0].vertices]).min() >= 0.2

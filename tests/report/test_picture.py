@@ -23,7 +23,7 @@ from meshes import KINDS, delaunay, grid, random_mesh
 def smoothed(kind, **options):
     """A mesh, its new points and the report with means, as a command that draws makes them."""
     mesh = random_mesh(kind, 2, n=4)
-    return mesh, *smooth_mesh(mesh, SmoothOptions(engine="numpy", **options), means=True)
+    return mesh, *smooth_mesh(mesh, SmoothOptions(**options), means=True)
 
 
 def drawn(mesh, points, report):
@@ -48,7 +48,7 @@ def test_kept_cells_are_drawn_apart():
     height = np.array([0.0, 0.01, 0.02, 0.03, 0.04, 0.2, 0.4, 0.6, 0.8])
     points[:, 1] = height[np.rint(8 * points[:, 1]).astype(int)]
     mesh = Mesh(points, [Cells("quad", boxes)])
-    moved, report = smooth_mesh(mesh, SmoothOptions(engine="numpy", boundary="slide"), means=True)
+    moved, report = smooth_mesh(mesh, SmoothOptions(boundary="slide"), means=True)
     flat = points[boxes][:, :, 1].max(axis=1) < 0.05
     assert report.kept is not None
     assert report.kept[flat].all()

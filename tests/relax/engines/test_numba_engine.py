@@ -88,7 +88,7 @@ def test_same_bytes_on_the_sample_meshes(path):
     assert result(mesh, "numba", threads=2, sweeps=4) == result(mesh, "numpy", sweeps=4)
 
 
-@pytest.mark.parametrize("examples", [15, pytest.param(60, marks=pytest.mark.long)])
+@pytest.mark.parametrize("examples", [5, pytest.param(60, marks=pytest.mark.long)])
 def test_same_bytes_whatever_the_mesh(examples):
     """Tangled meshes and extreme scales included."""
 
@@ -102,7 +102,7 @@ def test_same_bytes_whatever_the_mesh(examples):
     check()
 
 
-@pytest.mark.parametrize("examples", [25, pytest.param(60, marks=pytest.mark.long)])
+@pytest.mark.parametrize("examples", [8, pytest.param(60, marks=pytest.mark.long)])
 def test_same_bytes_where_directions_follow_the_ring(examples):
     """Steepest ascent, the optimum and polishing, with and without restricted freedom."""
 
@@ -156,7 +156,7 @@ def test_same_bytes_and_report_of_all_phases(kind):
     assert result(mesh, "numba", threads=2, **options) == result(mesh, "numpy", **options)
 
 
-@pytest.mark.parametrize("examples", [10, pytest.param(30, marks=pytest.mark.long)])
+@pytest.mark.parametrize("examples", [4, pytest.param(30, marks=pytest.mark.long)])
 def test_same_bytes_for_tangled_meshes(examples):
     @settings(max_examples=examples, deadline=None)
     @given(st.integers(0, 10**6), st.sampled_from([2, 3]), st.floats(0.0, 3.0))
@@ -174,7 +174,7 @@ def test_same_bytes_for_tangled_meshes(examples):
     check()
 
 
-@pytest.mark.parametrize("meshes", [10, pytest.param(30, marks=pytest.mark.long)])
+@pytest.mark.parametrize("meshes", [4, pytest.param(30, marks=pytest.mark.long)])
 def test_same_bytes_for_flat_and_degenerate_elements(meshes):
     """Every vertex on few lattice points: ties, zero volumes and corners at their barrier everywhere."""
     for seed in range(meshes):
