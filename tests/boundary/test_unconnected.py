@@ -100,9 +100,7 @@ def test_hanging_nodes_stay_and_are_counted(boundary):
     sides = np.isin(points, [0.0, 8.0, 4.0]).any(axis=1)
     rng = np.random.default_rng(0)
     start[~sides] += rng.uniform(-0.1, 0.1, points[~sides].shape)
-    moved, report = dvr_cli.smooth(
-        start, {"quad": cells}, boundary=boundary, max_iterations=3
-    )
+    moved, report = dvr_cli.smooth(start, {"quad": cells}, boundary=boundary, max_iterations=3)
     on_line = points[:, 0] == 4.0
     assert report.mesh.hanging == 4
     assert np.array_equal(moved[on_line], start[on_line])

@@ -240,9 +240,7 @@ def test_in_a_volume_a_fold_is_undone_if_a_cell_gets_worse():
 def test_a_run_unfolds_first_and_says_so():
     mesh = shaken_ball(11, 0.3, 1)
     triangles = mesh.cells[0].vertices
-    options = SmoothOptions(
-        max_deviation=0.3, feature_angle=60.0, stopping=Stopping(max_iterations=2)
-    )
+    options = SmoothOptions(max_deviation=0.3, feature_angle=60.0, stopping=Stopping(max_iterations=2))
     points, report = smooth_mesh(mesh, options)
     assert report.phases[0].record()["phase"] == "unfold"
     assert report.unfolding.found >= inward(mesh.points, triangles).sum() > 0

@@ -318,6 +318,21 @@ print(v[0], corner_terms.stats.cache_hits[corner_terms.signatures[0]])
     assert answer()[0] == "2.0"
 
 
+def test_of_processes_that_take_turns_one_compiles(tmp_path):
+    program = """
+from dvr_cli.jit import compile_in_turn
+compile_in_turn()
+from dvr_cli.mesh.csr_numba import group
+import numpy as np
+group(np.array([1, 0, 1]), 2)
+print(sum(group.stats.cache_misses.values()))
+"""
+    command = [sys.executable, "-c", program]
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    running = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE) for _ in range(3)]
+    assert sorted(process.communicate(timeout=120)[0] for process in running) == [b"0\n", b"0\n", b"1\n"]
+
+
 @pytest.mark.parametrize(
     ("source", "matters"),
     [("mesh/csr.py", True), ("relax/patches/solver.py", True), ("jit.py", True), ("cli/app.py", False)],
