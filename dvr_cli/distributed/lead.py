@@ -6,19 +6,24 @@ members.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dvr_cli.distributed.job import JOIN, LEAD, ending_the_job
 from dvr_cli.distributed.member import member_of
 from dvr_cli.distributed.parts import Partition
+from dvr_cli.distributed.patches import alone, shares
 from dvr_cli.errors import UsageError
 from dvr_cli.relax.engines.choice import EngineKind
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.problem import Problem
 from dvr_cli.relax.steepest import Ascent
+
+if TYPE_CHECKING:
+    from dvr_cli.relax.patches.solver import Patch
 
 
 class LeadEngine(Engine):
@@ -95,6 +100,21 @@ class LeadEngine(Engine):
         self._send("active", self._all if active is None else active)
         return self._moving("move", batch, directions, enough)
 
+    def solve_patches(
+        self, points: np.ndarray, patches: Sequence[Patch], time_is_up: Callable[[], bool]
+    ) -> list[tuple[float, float]]:
+        """As in Engine; the ranks solve them side by side, and whether time is up is asked once before."""
+        badness = [(1.0, 1.0)] * len(patches)
+        if time_is_up():
+            return badness
+        mine = shares(patches, self._comm.size)
+        each = [[alone(points, patches[number]) for number in numbers] for numbers in mine]
+        for numbers, solved in zip(mine, self._ask("solve patches", each=each), strict=True):
+            for number, (moved, of_patch) in zip(numbers, solved, strict=True):
+                points[patches[number].moving] = moved
+                badness[number] = of_patch
+        return badness
+
     # ------------------------------------------------------------------------------ of Engine
 
     def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray, enough: float) -> int:
@@ -157,8 +177,8 @@ class LeadEngine(Engine):
             self._there = True
         return self._ask(task, *arguments)
 
-    def _ask(self, task: str, *arguments: Any, each: list[np.ndarray] | None = None) -> Any:
-        """Have all members do a task, this one too; each: an array for each."""
+    def _ask(self, task: str, *arguments: Any, each: list[Any] | None = None) -> Any:
+        """Have all members do a task, this one too; each: what each is sent."""
         self._comm.bcast((task, arguments), LEAD)
         own = arguments if each is None else (*arguments, each)
         with ending_the_job(self._comm):

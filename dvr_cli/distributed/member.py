@@ -14,11 +14,14 @@ import numpy as np
 from dvr_cli.backend import COMPILED
 from dvr_cli.distributed.job import LEAD
 from dvr_cli.distributed.parts import Part
+from dvr_cli.distributed.patches import Alone
 from dvr_cli.relax.engines.choice import KINDS, EngineKind
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.steepest import Ascent
 
+# the coordinates (n, d) that the vertices of a patch end at, its largest badness before and after
+Solved = tuple[np.ndarray, tuple[float, float]]
 Each = list[np.ndarray] | None  # an array for each rank on the leading one, None on others
 
 
@@ -38,6 +41,7 @@ class Member:
             "find steepest": self._find_steepest,
             "find mean ascent": self._find_mean_ascent,
             "polish": self._polish,
+            "solve patches": self._solve_patches,
             "give coordinates": lambda: self._comm.gather(self.engine.relaxed_points, LEAD),
             "give qualities": lambda: self._comm.gather(self.engine.qualities()[self._part.first], LEAD),
             "give ring qualities": lambda: self._comm.gather(self.engine.ring_qualities(), LEAD),
@@ -74,6 +78,14 @@ class Member:
 
     def _polish(self, batch: int, limit: float, aim: Aim) -> int | None:
         return self._moved(batch, self.engine.polish_batch(batch, self._directions, limit, aim))
+
+    def _solve_patches(self, each: list[list[Alone]] | None = None) -> list[list[Solved]] | None:
+        """Solve the patches that the leading rank gives to each rank."""
+        solved = []
+        for points, patch in self._comm.scatter(each, LEAD):
+            (badness,) = self.engine.solve_patches(points, [patch], lambda: False)
+            solved.append((points[patch.moving], badness))
+        return self._comm.gather(solved, LEAD)
 
     def _moved(self, batch: int, number: int) -> int | None:
         """Exchange the vertices of a batch with the neighbours; returns how many moved on all ranks.

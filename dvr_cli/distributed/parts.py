@@ -1,8 +1,8 @@
 """Parts of a problem: what each of several ranks needs to move its own vertices as they move on one.
 
-A rank *owns* the relaxed vertices of one range in Morton order, in which the problem numbers them. Its
-part has the rings of these, the corners that they are in, and as *ghosts* the other vertices of these. It
-numbers its vertices in the problem's order, so rings and ties come out as they do in the whole.
+A rank *owns* some of the relaxed vertices, usually those of one range in Morton order, in which the problem
+numbers them. Its part has the rings of these, the corners that they are in, and as *ghosts* the others of
+these. It numbers its vertices in the problem's order, so rings and ties come out as they do in the whole.
 
     problem   0  1  2  3 | 4  5  6  7        rank 0 owns 0 to 3, and has the ghosts 4 and 6
     rank 0    0  1  2  3   4     5           (its own numbers)
@@ -70,20 +70,27 @@ class Place:
     firsts: np.ndarray
 
 
+def along_curve(problem: Problem, ranks: int) -> np.ndarray:
+    """(m,) the rank that owns the vertex of each ring: equal ranges (but for one) in Morton order."""
+    place = np.argsort(problem.rings.vertices)
+    owners = np.empty(len(place), dtype=np.int64)
+    for rank, rings in enumerate(np.array_split(place, ranks)):
+        owners[rings] = rank
+    return owners
+
+
 class Partition:
     """A problem cut into parts for a number of ranks, made one at a time.
 
     owner: (N,) the rank that owns each vertex, -1 for those that are not relaxed.
     """
 
-    def __init__(self, problem: Problem, ranks: int) -> None:
-        """Cut the relaxed vertices, in Morton order, into ``ranks`` ranges of equal numbers (but for one)."""
+    def __init__(self, problem: Problem, ranks: int, owners: np.ndarray | None = None) -> None:
+        """owners: (m,) the rank that owns the vertex of each ring; by default ``along_curve``."""
         self.problem, self.ranks = problem, ranks
         rings = problem.rings
-        relaxed = np.sort(rings.vertices)
         self.owner = np.full(len(problem.order), -1)
-        for rank, vertices in enumerate(np.array_split(relaxed, ranks)):
-            self.owner[vertices] = rank
+        self.owner[rings.vertices] = along_curve(problem, ranks) if owners is None else owners
         self._batch = np.zeros(len(problem.order), dtype=np.int64)
         self._batch[rings.vertices] = np.repeat(
             np.arange(len(problem.batch_start) - 1), np.diff(problem.batch_start)

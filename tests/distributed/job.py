@@ -5,6 +5,7 @@ mpiexec -n 3 python job.py commands.json codes.json [fault]
 
 import json
 import os
+import resource
 import signal
 import sys
 from pathlib import Path
@@ -40,7 +41,11 @@ if fault == ["a rank fails"]:
     Member._moved = failing
 if fault == ["interrupted"]:
     Progress.sweep, Member._moved = interrupted, interrupted_member
+LIMIT = resource.getrlimit(resource.RLIMIT_FSIZE)
+if fault == ["a full disk"] and RANK == 0:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, LIMIT[1]))
 ends = [main(command) for command in json.loads(Path(commands).read_text())]
 if RANK == 0:
+    resource.setrlimit(resource.RLIMIT_FSIZE, LIMIT)
     Path(codes).write_text(json.dumps(ends))
 assert MPI.COMM_WORLD.allgather(ends) == [ends] * MPI.COMM_WORLD.size

@@ -1,13 +1,16 @@
 """Meshes cut by hand for ``test_distributed``: each rank smooths its piece, and compares with one process.
 
-mpiexec -n 3 python pieces.py
+mpiexec -n 3 python pieces.py [metis]
 """
+
+import sys
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
 import dvr_cli
+from dvr_cli.distributed import parts
 from dvr_cli.errors import InputError, UsageError
 from meshes import boxes_of, random_mesh, random_tensors, tangled
 
@@ -87,6 +90,7 @@ def main():
     mirrored = random_mesh("tetra", 3)
     mirrored.cells[0].vertices[::3] = mirrored.cells[0].vertices[::3, [1, 0, 2, 3]]
     agree(mirrored, 9, **SWEEPS)
+    with_owners(at_random)
     without_ids_of_cells()
     few = random_mesh("quad", 0, n=3)  # a rank without any cell of its own
     points, (block,) = few.points, few.cells
@@ -98,6 +102,35 @@ def main():
     expected, _ = dvr_cli.smooth(points, {"quad": block.vertices[order]}, **SWEEPS, **ENGINE)
     assert moved.tobytes() == expected.tobytes()
     errors()
+
+
+def with_owners(owners):
+    """Which rank owns a vertex makes no difference."""
+    usual, parts.along_curve = parts.along_curve, owners
+    agree(random_mesh("triangle", 4, noise=0.45), 5, patches=True, max_iterations=3)
+    agree(random_mesh("tetra", 1, noise=0.4), 3, **SWEEPS, polish=True)
+    parts.along_curve = usual
+
+
+def at_random(problem, ranks):
+    return np.random.default_rng(7).integers(ranks, size=len(problem.rings.vertices))
+
+
+def by_metis(problem, ranks):
+    """By METIS, the graph being that of vertices which share a corner."""
+    vertices = problem.rings.vertices
+    number = np.full(len(problem.order), -1)
+    number[vertices] = np.arange(len(vertices))
+    members = number[problem.touched.vertices]
+    around = [set() for _ in vertices]
+    for row in members.tolist():
+        for one in row:
+            if one >= 0:
+                around[one] |= {other for other in row if other >= 0 and other != one}
+    import pymetis
+
+    _, owners = pymetis.part_graph(ranks, adjacency=[sorted(one) for one in around])
+    return np.array(owners)
 
 
 def without_ids_of_cells():
@@ -151,4 +184,7 @@ def ball():
     return mesh
 
 
-main()
+if sys.argv[1:] == ["metis"]:
+    with_owners(by_metis)
+else:
+    main()

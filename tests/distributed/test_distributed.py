@@ -2,8 +2,16 @@
 
 import pytest
 
+from needs import require
+
 
 @pytest.mark.parametrize("ranks", [1, 3, *(pytest.param(n, marks=pytest.mark.long) for n in (2, 4))])
 def test_pieces_come_out_as_from_the_whole(on_ranks, ranks):
     done = on_ranks(ranks, "pieces.py")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_parts_may_be_those_of_metis(on_ranks):
+    require("pymetis")
+    done = on_ranks(3, "pieces.py", "metis")
     assert (done.returncode, done.stderr) == (0, "")

@@ -22,6 +22,7 @@ RUNS = (
     ("quad", f"{SWEEPS} --boundary slide"),
     ("mixed3d", f"{SWEEPS} --boundary slide"),
     ("triangle", "--patches -n 5"),
+    ("tetra", "--patches --boundary slide -n 3"),
     ("hexahedron", "--boundary slide --no-patches -n 4"),
     ("tetra", "--target 0.4 -n 4"),
     ("tetra", "-d random --polish --floor 0.9 -n 2"),
@@ -164,3 +165,13 @@ def test_an_interrupted_job_writes_what_it_has_reached(tmp_path, on_ranks):
     assert report["stopped_because"] == "interrupted"
     assert len(report["sweeps"]) == 1
     assert (tmp_path / "0.vtk").read_bytes() != (tmp_path / "tetra.vtk").read_bytes()
+
+
+def test_a_full_disk_ends_the_job_with_nothing_half_written(tmp_path, on_ranks):
+    commands = commands_of(tmp_path, [("tetra", SWEEPS)], "--mpi")
+    before = {path.name for path in tmp_path.iterdir()}
+    done, ends = job(on_ranks, 3, tmp_path, commands, "a full disk")
+    assert ends == [4], done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("dvr: error: 0.vtk: ")
+    assert {path.name for path in tmp_path.iterdir()} - before == {"codes.json", "commands.json"}

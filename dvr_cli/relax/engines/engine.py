@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from dvr_cli.relax.problem import Problem, ring_arrays
 from dvr_cli.relax.steepest import Ascent
 
 if TYPE_CHECKING:
+    from dvr_cli.relax.patches.solver import Patch
     from dvr_cli.relax.surface.carriers import Carriers, Standing
     from dvr_cli.relax.surface.walk import Walk
 
@@ -213,6 +214,28 @@ class Engine(ABC):
         lo, walking, hi = self.problem.parts(batch)
         moved = self._polish(batch, lo, walking, directions, limit, aim) if lo < walking else 0
         return moved + self._walk(walking, hi, directions, True, limit)
+
+    def solve_patches(
+        self, points: np.ndarray, patches: Sequence[Patch], time_is_up: Callable[[], bool]
+    ) -> list[tuple[float, float]]:
+        """Move the vertices of each patch together; returns the largest badness of each before and after.
+
+        points: (N, d), this engine's coordinates, changed in place. The patches share no corner. time_is_up:
+        asked before each; once true the rest is left alone, and has the same badness before and after.
+        """
+        from dvr_cli.relax.patches.solver import solve_patch  # not for runs without patches
+
+        solve = self.backend.twin(solve_patch)
+
+        def solved(patch: Patch) -> tuple[float, float]:
+            return (1.0, 1.0) if time_is_up() else solve(points, patch)
+
+        if self.threads == 1:
+            return list(map(solved, patches))
+        from concurrent.futures import ThreadPoolExecutor
+
+        with ThreadPoolExecutor(self.threads) as pool:
+            return list(pool.map(solved, patches))
 
     def _walk(self, lo: int, hi: int, directions: np.ndarray, polishing: bool, floor: float) -> int:
         """Walk the vertices of the rings lo .. hi; see ``walk.walk_rings``."""

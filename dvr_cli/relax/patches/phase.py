@@ -15,8 +15,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 
 import numpy as np
 
@@ -25,7 +23,7 @@ from dvr_cli.quality.badness import badness_of, quality_growth
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.patches.neighbourhoods import ROUND, Neighbourhoods, Patches
-from dvr_cli.relax.patches.solver import Patch, solve_patch
+from dvr_cli.relax.patches.solver import Patch
 from dvr_cli.relax.problem import Problem
 from dvr_cli.relax.stopping import Stopping, StopReason
 from dvr_cli.relax.sweeps import Relaxation, Sweep, cut_short
@@ -59,30 +57,23 @@ def relax_patches(
         return Relaxation(engine.points, [], StopReason.NOTHING_TO_RELAX)
     state = _State(problem, engine.coordinates, level)
     neighbourhoods = Neighbourhoods(problem, engine.backend)
-    solve = engine.backend.twin(solve_patch)
     rounds: list[Sweep] = []
 
-    def solved(patches: Patches, patch: int) -> tuple[float, float]:
-        """Largest badness of a patch before and after; the same if it is time to stop."""
-        if cut_short(start, stopping, interrupted):
-            return 1.0, 1.0
-        return solve(state.points, Patch(*patches.of(patch), state.slot, *state.rules, state.enough))
+    def time_is_up() -> bool:
+        return cut_short(start, stopping, interrupted) is not None
 
-    with ThreadPoolExecutor(engine.threads) as pool:
-        each = pool.map if engine.threads > 1 else map
-        while (reason := cut_short(start, stopping, interrupted) or state.done(stopping.target)) is None:
-            if len(rounds) == stopping.max_iterations:
-                reason = StopReason.MAX_ITERATIONS
-                break
-            round_start = time.perf_counter()
-            patches = neighbourhoods.choose(state.worst(), state.layers)
-            state.enter(patches)
-            results = each(partial(solved, patches), range(len(patches)))
-            moved = state.leave(patches, np.array(list(results)))
-            number, seconds = done + len(rounds) + 1, time.perf_counter() - round_start
-            rounds.append(Sweep(number, "patches", state.q1, moved, seconds))
-            if on_sweep is not None:
-                on_sweep(rounds[-1])
+    while (reason := cut_short(start, stopping, interrupted) or state.done(stopping.target)) is None:
+        if len(rounds) == stopping.max_iterations:
+            reason = StopReason.MAX_ITERATIONS
+            break
+        round_start = time.perf_counter()
+        patches = neighbourhoods.choose(state.worst(), state.layers)
+        badness = engine.solve_patches(state.points, state.enter(patches), time_is_up)
+        moved = state.leave(patches, np.array(badness))
+        number, seconds = done + len(rounds) + 1, time.perf_counter() - round_start
+        rounds.append(Sweep(number, "patches", state.q1, moved, seconds))
+        if on_sweep is not None:
+            on_sweep(rounds[-1])
     return Relaxation(engine.points, rounds, reason)
 
 
@@ -140,11 +131,12 @@ class _State:
         worst = np.flatnonzero(may)
         return worst[np.argsort(self.quality[worst], kind="stable")]
 
-    def enter(self, patches: Patches) -> None:
-        """Get ready to solve these patches."""
-        for patch in range(len(patches)):
-            freed = patches.of(patch)[0]
+    def enter(self, patches: Patches) -> list[Patch]:
+        """Get ready to solve these patches; returns them as the solver takes them."""
+        parts = [patches.of(patch) for patch in range(len(patches))]
+        for freed, _, _ in parts:
             self.slot[freed] = np.arange(len(freed))
+        return [Patch(*part, self.slot, *self.rules, self.enough) for part in parts]
 
     def leave(self, patches: Patches, badness: np.ndarray) -> int:
         """Record the result of solving these patches; returns how many vertices moved.
