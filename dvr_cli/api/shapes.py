@@ -22,8 +22,8 @@ class Shaped:
     """A domain whose corners have targets of their own.
 
     domain: the domain with these targets; plain: the same with ideal ones.
-    held: (N,) bool, the vertices with kept cells only, which are not relaxed.
-    targets: how near they are to the cells' own shapes, None where all are ideal.
+    held: (N,) bool, the vertices of kept cells, which are not relaxed.
+    targets: which cells have their own shape for it, None where none has.
     metric: the metric that the ideal shapes are seen in, None for the usual one.
     """
 
@@ -55,13 +55,13 @@ class Shaped:
         if self.targets is None or not self.held.any():
             return self.domain.corners
         nowhere = np.zeros_like(self.held)
-        return with_targets(self.plain.points, self.plain.corners, self.targets, nowhere)
+        return with_targets(self.plain.points, self.plain.corners, replace(self.targets, held=nowhere))
 
 
 def shaped(domain: Domain, shape: str, tensors: np.ndarray | None = None) -> Shaped:
     """The domain with the targets that ``shape`` asks for: "ideal", "auto" or "input".
 
-    "auto" keeps cells whose stretching is coherent, and holds the vertices inside them; "input" makes the own
+    "auto" keeps cells whose stretching is coherent, and holds their vertices; "input" makes the own
     shape of every cell that is positive its target, and holds none.
     tensors: (N, k, k) of a metric, in which all cells then have the ideal shape for their target, whatever
     ``shape`` says; InputError where there can be no metric, see ``quality.metric``.
@@ -77,13 +77,13 @@ def shaped(domain: Domain, shape: str, tensors: np.ndarray | None = None) -> Sha
     targets = coherent(domain) if shape == "auto" else _own_shapes(domain)
     if targets is None:
         return Shaped(domain, domain, nowhere)
-    held = targets.held_vertices(domain.corners, len(domain.points)) if shape == "auto" else nowhere
-    corners = with_targets(domain.points, domain.corners, targets, held)
-    return Shaped(replace(domain, corners=corners), domain, held, targets)
+    corners = with_targets(domain.points, domain.corners, targets)
+    return Shaped(replace(domain, corners=corners), domain, targets.held, targets)
 
 
 def _own_shapes(domain: Domain) -> Targets | None:
     """Targets that are the own shapes of all positive cells, None if there are none."""
     quality = corner_qualities(domain.points, domain.corners, domain.backend)
     positive = domain.corners.by_cell(np.minimum, quality) > FORMED[domain.dimension]
-    return Targets(positive.astype(np.float64), 1.0) if positive.any() else None
+    nowhere = np.zeros(len(domain.points), dtype=bool)
+    return Targets(positive, nowhere, 1.0) if positive.any() else None

@@ -22,13 +22,13 @@ from dvr_cli.quality.targets import FORMED, Targets
 SEED = 5.0  # aspect from which stretching is deliberate, averaged three times
 GROWN = 1.5  # aspect down to which it spreads, averaged twice
 LIKELY = 4.75  # aspect from which a rough estimate leaves a cell among those that may be seeds
-KEPT = 2.0  # aspect from which a cell's own shape is its target; in between it is a blend
+KEPT = 2.0  # aspect from which a cell is kept, averaged twice
 
 
 def coherent(domain: Domain) -> Targets | None:
-    """Targets between each cell's own shape and the ideal one, None where no stretching is coherent.
+    """The cells whose stretching is coherent, as targets; None where there are none.
 
-    Cells that are inverted or next to degenerate have the ideal target.
+    Their vertices are held, but for those of inverted and nearly degenerate cells, which are not kept.
     """
     corners, points = domain.corners, domain.points
     cells = _Cells(domain)
@@ -45,13 +45,11 @@ def coherent(domain: Domain) -> Targets | None:
     stretching = cells.from_corners(_stretching(points, corners, positive))
     log_aspect = _log_aspect(cells.averaged(cells.averaged(stretching)))
     spread = cells.grown(seeds, log_aspect >= np.log(GROWN))
-    place = (log_aspect - np.log(GROWN)) / (np.log(KEPT) - np.log(GROWN))
-    place = np.clip(place, 0.0, 1.0)
-    share = np.where(spread & positive, place * place * (3.0 - 2.0 * place), 0.0)
-    kept = share >= 1.0
+    kept = spread & positive & (log_aspect >= np.log(KEPT))
     if not kept.any():
         return None
-    return Targets(share, float(np.exp(_log_aspect(stretching[kept]).max())))
+    held = cells.with_vertices(kept) & ~cells.with_vertices(~positive)
+    return Targets(kept, held, float(np.exp(_log_aspect(stretching[kept]).max())))
 
 
 class _Cells:
@@ -77,13 +75,17 @@ class _Cells:
         result = self._average(rows, self._corners.vertices, self._corners.start, self._n_points)
         return result.reshape(values.shape)
 
+    def with_vertices(self, cells: np.ndarray) -> np.ndarray:
+        """(N,) bool: the vertices of ``cells`` ((n,) bool)."""
+        result = np.zeros(self._n_points, dtype=bool)
+        result[self._corners.vertices[np.repeat(cells, self._width)]] = True
+        return result
+
     def around(self, cells: np.ndarray) -> np.ndarray:
         """(n,) bool: the cells that the third average in ``cells``, given by number, depends on."""
         chosen = np.zeros(len(self._width), dtype=bool)
         chosen[cells] = True
-        reached = np.zeros(self._n_points, dtype=bool)
-        reached[self._corners.vertices[np.repeat(chosen, self._width)]] = True
-        reached = within_rings([block.vertices for block in self._blocks], reached, 2)
+        reached = within_rings([block.vertices for block in self._blocks], self.with_vertices(chosen), 2)
         return self._corners.by_cell(np.logical_or, reached[self._corners.vertices].any(axis=1))
 
     def grown(self, seeds: np.ndarray, eligible: np.ndarray) -> np.ndarray:
