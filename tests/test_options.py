@@ -15,7 +15,8 @@ from dvr_cli import options
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.cli.options import takes_options
 from dvr_cli.errors import UsageError
-from dvr_cli.options import COUNT, OPTIONS, QUALITY, TABLE, Option, Values
+from dvr_cli.options import OPTIONS, TABLE
+from dvr_cli.options.record import COUNT, QUALITY, Option, Values
 from dvr_cli.relax.stopping import Stopping
 from meshes import random_mesh
 

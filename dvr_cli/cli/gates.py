@@ -9,7 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from dvr_cli.errors import UsageError
-from dvr_cli.options import CELL_MEASURES
+from dvr_cli.options.output import CELL_MEASURES
 
 if TYPE_CHECKING:
     import numpy as np
@@ -62,7 +62,7 @@ def failures(gates: Sequence[Gate], mesh: Mesh, points: np.ndarray, quality: Qua
         return []
     from dvr_cli.mesh.domain import domain_of
     from dvr_cli.quality import cell_measures
-    from dvr_cli.report.text import gate_failure
+    from dvr_cli.report.text.lines import gate_failure
 
     @cache
     def geometry() -> cell_measures.Geometry:

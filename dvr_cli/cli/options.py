@@ -12,7 +12,8 @@ from typing import Annotated, Any, Literal
 import typer
 
 from dvr_cli.errors import DvrError, InputError
-from dvr_cli.options import TABLE, Option
+from dvr_cli.options import TABLE
+from dvr_cli.options.record import Option
 
 
 class Vector(tuple[float, ...]):

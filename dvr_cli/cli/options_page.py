@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dvr_cli.options import TABLE, Option
+from dvr_cli.options import TABLE
+from dvr_cli.options.record import Option
 
 _HEAD = """# Options
 
-This page is made from the table in `dvr_cli/options.py`:
+This page is made from the table in `dvr_cli/options`:
 `python -m dvr_cli.cli.options_page > docs/options.md`.
 
 `dvr COMMAND --help` says the same of one command. In Python the options of `dvr smooth` and `dvr untangle`

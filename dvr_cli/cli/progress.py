@@ -37,7 +37,7 @@ class Progress:
         """Show what a sweep did."""
         if not self._verbose and not self._live:
             return
-        from dvr_cli.report.text import sweep_line  # not before: help and wrong options need no NumPy
+        from dvr_cli.report.text.lines import sweep_line  # not before: help and wrong options need no NumPy
 
         if self._verbose:
             say(sweep_line(**asdict(sweep)))

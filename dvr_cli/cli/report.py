@@ -41,7 +41,7 @@ def quality(
     from dvr_cli.quality.cell_measures import measure_field
     from dvr_cli.report.export import as_csv, as_json, cells_as_csv
     from dvr_cli.report.table import quality_table
-    from dvr_cli.report.text import quality_text
+    from dvr_cli.report.text.quality import quality_text
 
     json, csv, plot, name = given["json"], given["csv"], given["plot"], given["measure"]
     gates = gates_of(given)
@@ -97,7 +97,7 @@ def compare(
     from dvr_cli.mesh.domain import domain_of
     from dvr_cli.report.export import as_json
     from dvr_cli.report.table import comparison_table
-    from dvr_cli.report.text import comparison_text
+    from dvr_cli.report.text.comparison import comparison_text
 
     paths, plot = [before, *after], given["plot"]
     if plot is not None:

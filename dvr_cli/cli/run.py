@@ -98,7 +98,7 @@ def run(
                 writing.write_text(report, text + "\n")
             for picture in filter(None, [plot, report if page else None]):
                 progress.show(f"drawing {picture}")
-                from dvr_cli.report.text import smooth_text
+                from dvr_cli.report.text.summary import smooth_text
 
                 summary = smooth_text(result, str(source), str(output))
                 states = {"before": (opened.mesh.points, result.before), "after": (points, result.after)}
@@ -106,7 +106,7 @@ def run(
                     picture, opened.mesh, states, str(output), summary, result.sweeps, result.kept, measure
                 )
     if not quiet:
-        from dvr_cli.report.text import smooth_text
+        from dvr_cli.report.text.summary import smooth_text
 
         say(smooth_text(result, str(source), str(output), columns(sys.stderr)))
         relaxing = sum(sweep["seconds"] for sweep in result.sweeps)

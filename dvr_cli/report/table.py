@@ -17,7 +17,7 @@ from dvr_cli.report.rows import (
     quality_rows,
     remarks,
 )
-from dvr_cli.report.text import notes, shape_notes
+from dvr_cli.report.text.notes import notes, shape_notes
 
 
 def quality_table(report: QualityReport, path: str) -> str:

@@ -23,7 +23,7 @@ from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.vector import at_least
 from dvr_cli.relax.stopping import Stopping
-from dvr_cli.report.text import smooth_text
+from dvr_cli.report.text.summary import smooth_text
 
 ANGLE = np.radians(30.0)
 

@@ -9,7 +9,7 @@ import oracle
 from dvr_cli.errors import InputError
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
-from dvr_cli.options import CELL_MEASURES as NAMES
+from dvr_cli.options.output import CELL_MEASURES as NAMES
 from dvr_cli.quality.cell_measures import (
     CELL_MEASURES,
     CellMeasure,

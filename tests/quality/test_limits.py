@@ -18,7 +18,7 @@ from dvr_cli.quality.limits import limit_of
 from dvr_cli.quality.measure import measure
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.report.export import as_json
-from dvr_cli.report.text import smooth_text
+from dvr_cli.report.text.summary import smooth_text
 from meshes import grid
 from oracle import mean_ratio
 

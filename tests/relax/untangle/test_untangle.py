@@ -13,7 +13,7 @@ from dvr_cli.quality.mean_ratio import corner_qualities, element_qualities
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.relax.untangle.energy import Energy
 from dvr_cli.relax.untangle.phase import inverted_by_held, untangle
-from dvr_cli.report.text import smooth_text
+from dvr_cli.report.text.summary import smooth_text
 from meshes import KINDS, boxes_of, bump, delaunay, random_mesh, tangled, turned_hexagon
 
 
