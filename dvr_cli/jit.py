@@ -134,7 +134,7 @@ def compiled_over(
     for name, value in vars(module).items():
         if isinstance(value, FunctionType) and value.__module__ == module.__name__:
             twin = FunctionType(value.__code__, known, name, value.__defaults__)
-            known[name] = compiled(twin) if name in entries else part(twin)
+            known[name] = compiled(twin) if name in entries else inlined(twin)
     return known
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from dvr_cli.boundary.manifold import Manifold
 
-_CHUNK = 4096  # facets measured at a time
+_FIRST, _CHUNK = 64, 4096  # facets measured at a time, at first and at most
 _GRID = 5  # intervals an edge is cut into
 
 
@@ -31,9 +31,10 @@ def deviation(
     changed = changed[np.argsort(-bound[changed], kind="stable")]
     old, new = Manifold(before, facets, patch), Manifold(after, facets, patch)
     weights = _grid(facets.shape[1])
-    largest = 0.0
-    for lo in range(0, len(changed), _CHUNK):
-        chunk = changed[lo : lo + _CHUNK]
+    largest, lo, size = 0.0, 0, _FIRST  # the first, which have the largest bounds, often spare the others
+    while lo < len(changed):
+        chunk = changed[lo : lo + size]
+        lo, size = lo + size, min(2 * size, _CHUNK)
         chunk = chunk[bound[chunk] > largest]
         if not len(chunk):
             break
