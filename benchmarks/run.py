@@ -22,6 +22,7 @@ SECTIONS = (
     "quality",
     "tools",
     "solvers",
+    "distributed",
 )
 _PACKAGES = (
     "dvr-cli",

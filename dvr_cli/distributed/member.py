@@ -88,10 +88,12 @@ class Member:
         return self._comm.gather(solved, LEAD)
 
     def _moved(self, batch: int, number: int) -> int | None:
-        """Exchange the vertices of a batch with the neighbours; returns how many moved on all ranks.
+        """Exchange the vertices of a batch; returns how many moved on all ranks, ``number`` on this one."""
+        self.exchange(batch)
+        return self._comm.reduce(number, root=LEAD)
 
-        number: how many did on this one.
-        """
+    def exchange(self, batch: int) -> None:
+        """Send the neighbours the vertices of a batch that they have as ghosts, and get theirs."""
         points = self.engine.coordinates
         received = [shared for shared in self._part.received if len(shared.of(batch))]
         arriving = [np.empty((len(shared.of(batch)), points.shape[1])) for shared in received]
@@ -105,7 +107,6 @@ class Member:
             request.Wait()
         for shared, rows in zip(received, arriving, strict=True):
             points[shared.of(batch)] = rows
-        return self._comm.reduce(number, root=LEAD)
 
     def _worst(self) -> tuple[float, int, float]:
         """Badness, number in the whole, and quality of the part's worst corner, see ``Engine.worst``."""

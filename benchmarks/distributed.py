@@ -1,0 +1,254 @@
+"""Several ranks: what they compute and exchange, what that costs, and a model of many.
+
+Run as a section, or as a job of MPI: ``mpiexec -n N python benchmarks/distributed.py sweeps|memory MESH``.
+Idle ranks spin, so only CPU seconds of a rank's own work count, never seconds.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import meshes
+from common import fastest, print_table
+from dvr_cli.distributed.member import Member
+from dvr_cli.distributed.parts import Partition, along_curve
+from dvr_cli.mesh.domain import domain_of
+from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.relax.directions import random_field
+from dvr_cli.relax.engines.choice import KINDS
+from dvr_cli.relax.problem import Problem, build_problem
+
+_SWEEPS = 8
+_RANKS = (1, 2, 4, 8, 16, 32, 64)
+_BYTES = 24  # of a vertex
+# Assumed of a network: seconds until a message is there, with what mpi4py and Python take, and bytes a second.
+_LATENCY, _BANDWIDTH = 10e-6, 5e9
+_TETRAHEDRA = 10**9
+
+
+def run(quick: bool) -> None:
+    """Print the tables of cost on few ranks, of counts on up to 64, and of the model."""
+    sizes = [2_000] if quick else [10_000, 100_000]
+    rows, one = [], {}
+    for n in sizes:
+        for ranks in (1, 2):
+            each = _job(ranks, "sweeps", n)
+            rows.append([n, ranks, *_efficiency(each, one.setdefault(n, each))])
+    header = ["vertices", "ranks", "µs of CPU an update", "efficiency of kernels, slowest rank"]
+    header += ["exchange / sweep", "cutting, in sweeps"]
+    print_table(f"Several ranks: {fastest()} engine, CPU time", header, rows)
+
+    header = ["vertices", "ranks", "tetrahedra of a rank's own", "bytes a tetrahedron", "of the lead"]
+    memory = [[n, ranks, *_memory(ranks, n)] for n in sizes[-1:] for ranks in (2, 4)]
+    print_table("Memory of a rank above that for a tiny mesh, not the lead's; and the lead's", header, memory)
+
+    mesh = meshes.raw_tets(2_000 if quick else 1_000_000)
+    problem = _problem(mesh)
+    counts = [counts_of(problem, ranks) for ranks in _RANKS]
+    header = ["ranks", "tetrahedra a rank", "ghosts / owned", "neighbours", "messages a sweep", "kB a sweep"]
+    header += ["imbalance of work"]
+    title = f"Counts of {len(mesh.points)} vertices, {len(problem.batch_start) - 1} colours: the worst rank"
+    print_table(title, header, [[c.ranks, c.tetrahedra, *c.shown] for c in counts])
+
+    update = one[sizes[-1]][0]["kernels"] / one[sizes[-1]][0]["updates"]
+    print_table(
+        f"Model: {_TETRAHEDRA:.0e} tetrahedra, {update * 1e6:.2f} µs an update, {_LATENCY * 1e6:.0f} µs a "
+        f"message, {_BANDWIDTH / 1e9:.0f} GB/s",
+        ["ranks", "tetrahedra a rank", "ghosts / owned", "efficiency of sweeps"],
+        [model(ranks, counts[-1], update) for ranks in (64, 1_000, 10_000)],
+    )
+
+
+# ---------------------------------------------------------------------------------- counts and model
+
+
+@dataclass(frozen=True)
+class Counts:
+    """The counts of one partition: those of the rank with most, but for ``owned`` and ``tetrahedra``.
+
+    owned: relaxed vertices, tetrahedra: of a rank on average. ghosts: relaxed vertices of others. messages,
+    vertices: that a rank sends in a sweep. work: corners in the rings of a rank, over the mean.
+    """
+
+    ranks: int
+    batches: int
+    owned: float
+    tetrahedra: int
+    ghosts: int
+    neighbours: int
+    messages: int
+    vertices: int
+    work: float
+
+    @property
+    def shown(self) -> list[object]:
+        """The columns of the table."""
+        kilobytes = self.vertices * _BYTES / 1e3
+        return [self.ghosts / self.owned, self.neighbours, self.messages, kilobytes, self.work]
+
+
+def counts_of(problem: Problem, ranks: int) -> Counts:
+    """The counts of the partition along the curve, without making its parts."""
+    vertices, corners = problem.rings.vertices, problem.touched.vertices
+    owners = along_curve(problem, ranks)
+    owner = np.full(len(problem.order), -1)
+    owner[vertices] = owners
+    batch = np.zeros(len(owner), dtype=np.int64)
+    batch[vertices] = np.repeat(np.arange(len(problem.batch_start) - 1), np.diff(problem.batch_start))
+    pairs = [np.empty((0, 2), dtype=np.int64)]  # a rank and a vertex that is a ghost there
+    near = corners[(owner[corners] != owner[corners[:, :1]]).any(axis=1)]
+    for one in near.T:
+        for other in near.T:
+            ghost = (owner[one] >= 0) & (owner[other] >= 0) & (owner[one] != owner[other])
+            pairs.append(np.unique(np.stack([owner[one], other], axis=1)[ghost], axis=0))
+    there, ghosts = np.unique(np.concatenate(pairs), axis=0).T
+    sender = owner[ghosts]
+    messages = np.unique(np.stack([sender, there, batch[ghosts]], axis=1), axis=0)
+    neighbours = np.unique(messages[:, :2], axis=0)
+    work = np.bincount(owners, problem.rings.sizes, ranks)
+
+    def most(ranks_of: np.ndarray) -> int:
+        return int(np.bincount(ranks_of, minlength=ranks).max(initial=0))
+
+    return Counts(
+        ranks=ranks,
+        batches=len(problem.batch_start) - 1,
+        owned=len(owners) / ranks,
+        tetrahedra=len(corners) // ranks,
+        ghosts=most(there),
+        neighbours=most(neighbours[:, 0]),
+        messages=most(messages[:, 0]),
+        vertices=most(sender),
+        work=float(work.max() / work.mean()),
+    )
+
+
+def model(ranks: int, counted: Counts, update: float) -> list[object]:
+    """Ranks, tetrahedra a rank, ghosts over owned and efficiency of sweeps, from counts of a smaller mesh.
+
+    Ghosts and bytes grow with the surface of a rank's part, the power 2/3 of its size; messages do not grow.
+    update: seconds. One reduction a sweep goes through log2(ranks) messages. What the lead does is left out.
+    """
+    owned = _TETRAHEDRA / ranks * counted.owned / counted.tetrahedra
+    surface = (owned / counted.owned) ** (2 / 3)
+    kernels = owned * update
+    sent = counted.messages * _LATENCY + counted.vertices * surface * _BYTES / _BANDWIDTH
+    reductions = np.ceil(np.log2(ranks)) * _LATENCY
+    efficiency = kernels / (kernels * counted.work + sent + reductions)
+    return [ranks, round(_TETRAHEDRA / ranks), counted.ghosts * surface / owned, float(efficiency)]
+
+
+# ---------------------------------------------------------------------------------- jobs
+
+
+def _job(ranks: int, what: str, n: int) -> list[dict[str, float]]:
+    """What each rank of a job says."""
+    path = meshes.path_of(meshes.random_tets, n)
+    beside = Path(sys.executable).with_name("mpiexec")
+    command = [beside if beside.exists() else "mpiexec", "-n", ranks, sys.executable, __file__, what, path]
+    words = [str(word) for word in command]
+    done = subprocess.run(words, stdout=subprocess.PIPE, text=True, check=True)
+    said: list[dict[str, float]] = json.loads(done.stdout.splitlines()[-1])
+    return said
+
+
+def _efficiency(each: list[dict[str, float]], one: list[dict[str, float]]) -> list[object]:
+    """µs an update, efficiency of kernels, share of exchange, and cutting in sweeps; one: of one rank."""
+    slowest = max(rank["kernels"] for rank in each)
+    updates = sum(rank["updates"] for rank in each)
+    exchange = max(rank["exchange"] for rank in each)
+    return [
+        sum(rank["kernels"] for rank in each) / updates * 1e6,
+        one[0]["kernels"] / len(each) / slowest,
+        exchange / slowest,
+        max(rank["cutting"] for rank in each) / one[0]["kernels"],
+    ]
+
+
+def _memory(ranks: int, n: int) -> list[object]:
+    """Tetrahedra a rank, bytes a tetrahedron of the largest rank that follows, and of the lead."""
+    here, tiny = _job(ranks, "memory", n), _job(ranks, "memory", 300)
+    own = here[0]["tetrahedra"] / ranks
+    more = [a["peak"] - b["peak"] for a, b in zip(here, tiny, strict=True)]
+    return [round(own), max(more[1:]) / own, more[0] / own]
+
+
+def _problem(mesh: Mesh) -> Problem:
+    backend = KINDS[fastest()].backend
+    domain = domain_of(mesh, backend=backend)
+    return build_problem(domain.corners, np.flatnonzero(domain.interior), domain.points, backend=backend)
+
+
+def _sweeps(comm, path: Path) -> dict[str, float]:
+    """CPU seconds of cutting, and of the quickest of some sweeps: kernels, and exchange once all are there."""
+    mesh = meshes.load_mesh(path)
+    problem = _problem(mesh)
+    cutting = time.process_time()
+    partition = Partition(problem, comm.size)
+    parts = [partition.part(rank) for rank in range(comm.size)]
+    cutting, part = time.process_time() - cutting, parts[comm.rank]
+    engine = KINDS[fastest()].make(part.problem, 1)
+    member = Member(comm, part, engine)
+    field, vertices = random_field(problem.dimension, seed=0), part.problem.relaxed
+    kernels, exchange = np.zeros(_SWEEPS), np.zeros(_SWEEPS)
+    engine.restore((mesh.points[part.problem.order], None))
+    engine.relax_batch(0, np.zeros((len(vertices), problem.dimension)))  # all is compiled
+    for sweep in range(_SWEEPS):
+        directions = field(sweep, engine.relaxed_points, vertices)
+        for batch in range(engine.batches):
+            begin = time.process_time()
+            engine.relax_batch(batch, directions)
+            kernels[sweep] += time.process_time() - begin
+            comm.Barrier()
+            begin = time.process_time()
+            member.exchange(batch)
+            exchange[sweep] += time.process_time() - begin
+    return {
+        "kernels": kernels.min(),
+        "exchange": exchange.min(),
+        "cutting": cutting,
+        "updates": float(len(vertices)),
+    }
+
+
+def _peak(comm, path: Path) -> dict[str, float]:
+    """Smooth by the command; the peak of this rank's memory in bytes."""
+    from dvr_cli.cli.main import main
+
+    tetrahedra = 0
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder) / "mesh.msh"
+        if comm.rank == 0:
+            mesh = meshes.load_mesh(path)
+            tetrahedra = len(mesh.cells[0].vertices)
+            meshes.write_msh(mesh, source)
+            del mesh
+        words = ["smooth", str(source), str(Path(folder) / "out.msh"), "-d", "random", "-n", "2", "--quiet"]
+        assert main([*words, "--engine", fastest(), "--mpi"]) == 0
+        comm.Barrier()
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return {"tetrahedra": float(tetrahedra), "peak": float(peak)}
+
+
+def _as_rank(what: str, path: Path) -> None:
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+    work: dict[str, Callable[..., dict[str, float]]] = {"sweeps": _sweeps, "memory": _peak}
+    said = comm.gather(work[what](comm, path))
+    if said is not None:
+        print(json.dumps(said), flush=True)
+
+
+if __name__ == "__main__":
+    _as_rank(sys.argv[1], Path(sys.argv[2]))
