@@ -16,6 +16,7 @@ from dvr_cli.distributed.member import member_of
 from dvr_cli.distributed.parts import Partition
 from dvr_cli.distributed.patches import alone, shares
 from dvr_cli.errors import UsageError
+from dvr_cli.relax.directions import DirectionField, OwnField, Turns
 from dvr_cli.relax.engines.choice import EngineKind
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.polish import Aim
@@ -88,6 +89,17 @@ class LeadEngine(Engine):
         values = np.empty(len(self.problem.rings.vertices))
         return self._into(values, [place.rings for place in self._places], "give ring qualities")
 
+    def directions(
+        self, field: DirectionField, sweep: int, active: np.ndarray | None = None
+    ) -> np.ndarray | Ascent:
+        """As in Engine; the ranks find them if they can, and what is returned stands for them."""
+        of_sweep = field.of(sweep) if isinstance(field, Turns) else field
+        if not isinstance(of_sweep, OwnField):
+            return super().directions(field, sweep, active)
+        self._send("active", self._all if active is None else active)
+        self._found_there("find directions", of_sweep, sweep)
+        return self._directions
+
     def move_batch(
         self,
         batch: int,
@@ -95,10 +107,11 @@ class LeadEngine(Engine):
         active: np.ndarray | None = None,
         enough: float = 0.0,
     ) -> int:
-        if not isinstance(directions, Ascent):
-            return super().move_batch(batch, directions, active, enough)
         self._send("active", self._all if active is None else active)
-        return self._moving("move", batch, directions, enough)
+        ascent = directions if isinstance(directions, Ascent) else None
+        if not isinstance(directions, Ascent):
+            self._send("directions", directions)
+        return self._moving("move", batch, ascent, enough)
 
     def solve_patches(
         self, points: np.ndarray, patches: Sequence[Patch], time_is_up: Callable[[], bool]

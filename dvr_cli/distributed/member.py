@@ -15,6 +15,7 @@ from dvr_cli.backend import COMPILED
 from dvr_cli.distributed.job import LEAD
 from dvr_cli.distributed.parts import Part
 from dvr_cli.distributed.patches import Alone
+from dvr_cli.relax.directions import OwnField
 from dvr_cli.relax.engines.choice import KINDS, EngineKind
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.polish import Aim
@@ -38,6 +39,7 @@ class Member:
             "take active": self._take_active,
             "relax": self._relax,
             "move": self._move,
+            "find directions": self._find_directions,
             "find steepest": self._find_steepest,
             "find mean ascent": self._find_mean_ascent,
             "polish": self._polish,
@@ -67,8 +69,15 @@ class Member:
     def _relax(self, batch: int, enough: float) -> int | None:
         return self._moved(batch, self.engine.relax_batch(batch, self._directions, enough))
 
-    def _move(self, batch: int, ascent: Ascent, enough: float) -> int | None:
-        return self._moved(batch, self.engine.move_batch(batch, ascent, self._active, enough))
+    def _move(self, batch: int, ascent: Ascent | None, enough: float) -> int | None:
+        """Move a batch along the directions that are here, or those of an ascent."""
+        directions = self._directions if ascent is None else ascent
+        active = None if self._active.all() else self._active
+        return self._moved(batch, self.engine.move_batch(batch, directions, active, enough))
+
+    def _find_directions(self, field: OwnField, sweep: int) -> None:
+        """Find the directions of a sweep, as they are on one rank."""
+        self._directions = np.asarray(self.engine.directions(field, sweep, self._active))
 
     def _find_steepest(self, batch: int, band: float) -> None:
         self._directions = self.engine.steepest(batch, band, self._active)

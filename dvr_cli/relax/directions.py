@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,36 @@ from dvr_cli.relax.uniform import unit_vectors
 DirectionField = Callable[[int, np.ndarray, np.ndarray], np.ndarray | Ascent]
 
 Entry = str | np.ndarray | tuple[str, np.ndarray]  # a name, an array, an array and its name in messages
+
+
+@dataclass(frozen=True, eq=False)
+class OwnField:
+    """A field that needs nothing of a mesh but the vertices it is asked about: any process can be asked.
+
+    work: a function of a module; settings: its first arguments, before those of a field.
+    """
+
+    work: Callable[..., np.ndarray]
+    settings: tuple[Any, ...]
+
+    def __call__(self, sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+        """As any DirectionField."""
+        return self.work(*self.settings, sweep, points, vertices)
+
+
+@dataclass(frozen=True, eq=False)
+class Turns:
+    """Fields of which each sweep has one, in turn."""
+
+    fields: Sequence[DirectionField]
+
+    def __call__(self, sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray | Ascent:
+        """As any DirectionField."""
+        return self.of(sweep)(sweep, points, vertices)
+
+    def of(self, sweep: int) -> DirectionField:
+        """The field of a sweep."""
+        return self.fields[sweep % len(self.fields)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,16 +113,23 @@ def random_field(
     factor: (N, d(d+1)/2) for each vertex the L of a metric, through which they are uniform. backend: what
     computes; the result is the same.
     """
-    draw, key = backend.twin(unit_vectors), np.uint64(seed)
+    drawn = OwnField(_drawn, (dimension, np.uint64(seed), backend))
+    if factor is None:
+        return drawn
 
-    def field(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-        vectors = np.empty((len(vertices), dimension))
-        draw(vertices.astype(np.int64, copy=False), key, np.uint64(sweep), vectors)
-        if factor is None:
-            return vectors
+    def through(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+        vectors = drawn(sweep, points, vertices)
         return unit(np.stack(solve(factor[vertices].T, list(vectors.T)), axis=1))
 
-    return field
+    return through
+
+
+def _drawn(
+    dimension: int, key: np.uint64, backend: Backend, sweep: int, points: np.ndarray, vertices: np.ndarray
+) -> np.ndarray:
+    vectors = np.empty((len(vertices), dimension))
+    backend.twin(unit_vectors)(vertices.astype(np.int64, copy=False), key, np.uint64(sweep), vectors)
+    return vectors
 
 
 def _random_of(domain: Domain, seed: int) -> DirectionField:
@@ -101,12 +139,11 @@ def _random_of(domain: Domain, seed: int) -> DirectionField:
 
 def constant_field(vector: np.ndarray) -> DirectionField:
     """One direction (d,) for all vertices and sweeps."""
-    direction = unit(np.asarray(vector, dtype=np.float64)[None, :])
+    return OwnField(_constant, (unit(np.asarray(vector, dtype=np.float64)[None, :]),))
 
-    def field(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-        return np.repeat(direction, len(vertices), axis=0)
 
-    return field
+def _constant(direction: np.ndarray, sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    return np.repeat(direction, len(vertices), axis=0)
 
 
 def coordinate_fields(names: str, setting: Setting) -> list[DirectionField]:
@@ -121,26 +158,30 @@ def ascent_field(ascent: Ascent) -> DirectionField:
 
 def radial_field(center: np.ndarray, axis: np.ndarray | None) -> DirectionField:
     """Away from ``center`` (d,) in 2D, away from the line through it along ``axis`` (3,) in 3D."""
+    return OwnField(_radial, (center, axis))
 
-    def field(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-        offset = points - center
-        if axis is not None:
-            offset = offset - (offset @ axis)[:, None] * axis
-        return unit(offset)
 
-    return field
+def _radial(
+    center: np.ndarray, axis: np.ndarray | None, sweep: int, points: np.ndarray, vertices: np.ndarray
+) -> np.ndarray:
+    offset = points - center
+    if axis is not None:
+        offset = offset - (offset @ axis)[:, None] * axis
+    return unit(offset)
 
 
 def circumferential_field(center: np.ndarray, axis: np.ndarray | None) -> DirectionField:
     """Around ``center`` (d,) in 2D, (-y, x)/r as in the paper's section 5.2; around ``axis`` (3,) in 3D."""
+    return OwnField(_circumferential, (center, axis))
 
-    def field(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-        offset = points - center
-        if axis is None:
-            return unit(np.stack([-offset[:, 1], offset[:, 0]], axis=1))
-        return unit(np.cross(axis, offset))
 
-    return field
+def _circumferential(
+    center: np.ndarray, axis: np.ndarray | None, sweep: int, points: np.ndarray, vertices: np.ndarray
+) -> np.ndarray:
+    offset = points - center
+    if axis is None:
+        return unit(np.stack([-offset[:, 1], offset[:, 0]], axis=1))
+    return unit(np.cross(axis, offset))
 
 
 def array_field(vectors: np.ndarray, period: int = 1) -> DirectionField:
@@ -201,7 +242,7 @@ def direction_field(
         else:
             turns.append(_flat_vectors(*_named_vectors(entry, point_data), domain))
     fields = [array_field(turn, len(turns)) if isinstance(turn, np.ndarray) else turn for turn in turns]
-    return lambda sweep, points, vertices: fields[sweep % len(fields)](sweep, points, vertices)
+    return Turns(fields)
 
 
 def _centroid(points: np.ndarray) -> np.ndarray:

@@ -18,7 +18,6 @@ from dvr_cli.relax.care import Care
 from dvr_cli.relax.directions import DirectionField
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.polish import PLAIN, Aim
-from dvr_cli.relax.steepest import Ascent
 from dvr_cli.relax.stopping import Stopping, StopReason
 
 
@@ -85,7 +84,7 @@ def relax(
         sweep_start = time.perf_counter()
         moved = 0
         active = None if care is None else care.active
-        directions = _directions(field, len(sweeps), engine, active)
+        directions = engine.directions(field, len(sweeps), active)
         for batch in range(engine.batches):
             moved += engine.move_batch(batch, directions, active, enough)
             if (cut := cut_short(start, stopping, interrupted)) is not None:
@@ -100,21 +99,6 @@ def relax(
     if not sweeps:  # what ended untangling early is then the reason
         reason = cut_short(start, stopping, interrupted) or reason
     return Relaxation(engine.points, sweeps, reason)
-
-
-def _directions(
-    field: DirectionField, sweep: int, engine: Engine, active: np.ndarray | None
-) -> np.ndarray | Ascent:
-    """The directions (m, d) of a sweep; zero for rings that are not ``active`` ((m,) bool, None for all)."""
-    points, vertices = engine.relaxed_points, engine.problem.relaxed
-    if active is None:
-        return field(sweep, points, vertices)
-    found = field(sweep, points[active], vertices[active])
-    if isinstance(found, Ascent):
-        return found
-    directions = np.zeros_like(points)
-    directions[active] = found
-    return directions
 
 
 class Work(NamedTuple):

@@ -16,6 +16,7 @@ from dvr_cli.relax.problem import Problem, ring_arrays
 from dvr_cli.relax.steepest import Ascent
 
 if TYPE_CHECKING:
+    from dvr_cli.relax.directions import DirectionField
     from dvr_cli.relax.patches.solver import Patch
     from dvr_cli.relax.surface.carriers import Carriers, Standing
     from dvr_cli.relax.surface.walk import Walk
@@ -140,6 +141,20 @@ class Engine(ABC):
         problem = self.problem
         minima = ring_minima(self.qualities(), problem.touched, len(problem.order), self.backend)
         return minima[problem.rings.vertices]
+
+    def directions(
+        self, field: DirectionField, sweep: int, active: np.ndarray | None = None
+    ) -> np.ndarray | Ascent:
+        """The directions (m, d) of a sweep; zero for rings not ``active`` ((m,) bool, None for all)."""
+        points, vertices = self.relaxed_points, self.problem.relaxed
+        if active is None:
+            return field(sweep, points, vertices)
+        found = field(sweep, points[active], vertices[active])
+        if isinstance(found, Ascent):
+            return found
+        directions = np.zeros_like(points)
+        directions[active] = found
+        return directions
 
     def move_batch(
         self,
