@@ -19,10 +19,9 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 class Backend:
     """One way to compute.
 
-    name: that of its engine. suffix: that of the names of its modules, none for NumPy.
+    suffix: that of the names of its modules, none for NumPy.
     """
 
-    name: str
     suffix: str
 
     def twin(self, function: _Function) -> _Function:
@@ -32,5 +31,5 @@ class Backend:
         return getattr(import_module(function.__module__ + self.suffix), function.__name__)
 
 
-NUMPY = Backend("numpy", "")
-COMPILED = Backend("numba", "_numba")
+NUMPY = Backend("")
+COMPILED = Backend("_numba")

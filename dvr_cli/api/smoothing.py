@@ -186,7 +186,7 @@ def _smoothed(
         left=left,
         level=run.level,
         seconds=seconds,
-        engine=engine.name,
+        engine=kind.name,
         threads=engine.threads,
         options=options.record()
         | {"untangle": untangling}

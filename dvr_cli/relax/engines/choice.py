@@ -28,19 +28,16 @@ _WALK = 500  # updates of NumPy that one on a curved boundary or surface costs a
 class EngineKind:
     """An engine that can be had.
 
-    backend: what computes in it. maker: its class, as module and name. package: what has to be installed
-    beside the package's own requirements, None for nothing. threaded: whether it uses several threads.
+    name: as ``--engine`` takes it. backend: what computes in it; several may share one. maker: its class, as
+    module and name. package: what has to be installed beside the package's own requirements, None for
+    nothing. threaded: whether it uses several threads.
     """
 
+    name: str
     backend: Backend
     maker: tuple[str, str]
     package: str | None = None
     threaded: bool = False
-
-    @property
-    def name(self) -> str:
-        """As ``--engine`` takes it."""
-        return self.backend.name
 
     @property
     def is_installed(self) -> bool:
@@ -66,16 +63,17 @@ _FOLDER = "dvr_cli.relax.engines."
 KINDS = {
     kind.name: kind
     for kind in (
-        EngineKind(NUMPY, (_FOLDER + "numpy_engine", "NumpyEngine")),
-        EngineKind(COMPILED, (_FOLDER + "numba_engine", "NumbaEngine"), package="numba", threaded=True),
+        EngineKind("numpy", NUMPY, (_FOLDER + "numpy_engine", "NumpyEngine")),
+        EngineKind(
+            "numba", COMPILED, (_FOLDER + "numba_engine", "NumbaEngine"), package="numba", threaded=True
+        ),
     )
 }
-ENGINES = ("auto", *KINDS)
 
 
 def has_numba() -> bool:
     """True if the compiled engine is installed."""
-    return KINDS[COMPILED.name].is_installed
+    return KINDS["numba"].is_installed
 
 
 def _are_compiled(folders: Sequence[str]) -> bool:
@@ -98,16 +96,16 @@ def choose_engine(
     the vertices walk on curved boundaries or surfaces. Raises UsageError for an engine that is unknown or not
     installed.
     """
-    if name not in ENGINES:
-        raise UsageError(f"engine: unknown {name!r}; known: {', '.join(ENGINES)}")
+    if name not in ("auto", *KINDS):
+        raise UsageError(f"engine: unknown {name!r}; known: {', '.join(('auto', *KINDS))}")
     if name == "auto":
         sweeps = min(max_iterations, _USUAL_SWEEPS)
         work = vertices * (sweeps + (_PATCHES if patches else 0)) + walking * sweeps * _WALK
         folders = ["."] + ["patches"] * patches + ["surface"] * (walking > 0)
         repays = _REPAYS_COMPILING
         if _are_compiled(folders):
-            repays = 0 if KINDS[COMPILED.name].is_loaded else _REPAYS
-        return KINDS[(COMPILED if work > repays and has_numba() else NUMPY).name]
+            repays = 0 if KINDS["numba"].is_loaded else _REPAYS
+        return KINDS["numba" if work > repays and has_numba() else "numpy"]
     if not KINDS[name].is_installed:
         package = KINDS[name].package
         raise UsageError(f"engine {name}: {package} is not installed (pip install 'dvr-cli[fast]')")

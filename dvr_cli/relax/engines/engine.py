@@ -30,11 +30,6 @@ class Engine(ABC):
     backend: Backend
     threads = 1
 
-    @property
-    def name(self) -> str:
-        """Its name, as ``--engine`` takes it."""
-        return self.backend.name
-
     def __init__(self, problem: Problem) -> None:
         """problem: what to relax; the coordinates are those last given to ``load``."""
         self.problem = problem

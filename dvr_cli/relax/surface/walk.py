@@ -93,14 +93,11 @@ def walk_rings(
     directions: (m, d). largest_ring: corners in a ring at most. Returns how many vertices moved.
     """
     walk, directions = bare(walk), bare(directions)
-    points, rings, ground, stars = walk.points, walk.rings, walk.ground, walk.stars
-    corners, standing = walk.corners, walk.standing
+    vertices, at = walk.rings.vertices, walk.standing.at
     scratch = new_scratch(largest_ring)
     moved = 0
     for ring in range(start, stop):
-        if standing.at[rings.vertices[ring]] >= 0 and _walk_one(
-            points, directions, ring, rings, ground, stars, corners, standing, purpose, scratch
-        ):
+        if at[vertices[ring]] >= 0 and _walk_one(walk, directions, ring, purpose, scratch):
             moved += 1
     return moved
 
@@ -121,8 +118,7 @@ def walk_directions(
     others and of vertices that do not walk become zero.
     """
     walk, directions, active = bare(walk), bare(directions), bare(active)
-    points, rings, ground = walk.points, walk.rings, walk.ground
-    corners, standing = walk.corners, walk.standing
+    points, rings, ground, standing = walk.points, walk.rings, walk.ground, walk.standing
     scratch = new_scratch(largest_ring)
     d, components = rings.others.shape[1], points.shape[1]
     keep = 1.0 - band
@@ -133,7 +129,7 @@ def walk_directions(
             directions[ring, i] = 0.0
         if standing.at[vertex] < 0 or not active[ring]:
             continue
-        n = _lines(points, ring, _STILL, rings, ground, corners, standing, True, scratch)
+        n = _lines(walk, ring, _STILL, True, scratch)
         worst = worst_of(scratch, n, d)
         largest = scratch[BADNESS, worst]
         if band < 0.0:
@@ -236,40 +232,29 @@ def _square(scratch: np.ndarray, k: int, components: int) -> float:
     return square
 
 
-def _walk_one(
-    points: np.ndarray,
-    directions: np.ndarray,
-    ring: int,
-    rings: RingArrays,
-    ground: Ground,
-    stars: Stars,
-    corners: RingCorners,
-    standing: Standing,
-    purpose: Purpose,
-    scratch: np.ndarray,
-) -> bool:
+def _walk_one(walk: Walk, directions: np.ndarray, ring: int, purpose: Purpose, scratch: np.ndarray) -> bool:
     """Walk one vertex; whether it moved."""
-    vertex, d, number = rings.vertices[ring], rings.others.shape[1], corners.number
+    points, rings, ground, stars = walk.points, walk.rings, walk.ground, walk.stars
+    standing, number = walk.standing, walk.corners.number
+    vertex, d = rings.vertices[ring], rings.others.shape[1]
     at, u, w = standing.at[vertex], standing.u[vertex], standing.w[vertex]
     x0, x1 = points[vertex, 0], points[vertex, 1]
     x2 = points[vertex, 2] if points.shape[1] == 3 else 0.0
     limit, longest = purpose.limit, np.inf
     for _ in range(_TRIES):
-        walked, before = _walk(
-            points, directions, ring, longest, rings, ground, corners, standing, purpose, scratch
-        )
+        walked, before = _walk(walk, directions, ring, longest, purpose, scratch)
         if walked == 0.0:
             _put(points, vertex, x0, x1, x2)
             standing.at[vertex], standing.u[vertex], standing.w[vertex] = at, u, w
             return False
-        n = _lines(points, ring, _STILL, rings, ground, corners, standing, False, scratch)
+        n = _lines(walk, ring, _STILL, False, scratch)
         largest = scratch[BADNESS, worst_of(scratch, n, d)]
         if purpose.polishing:
             better = keeps(before, sum_of(scratch, n, d), largest, purpose.floor, d)
         else:
             better = improves(before, largest, d)
         part = 0.5
-        if better and _upright(points, ring, (x0, x1, x2), at, rings, ground, corners, standing):
+        if better and _upright(walk, ring, (x0, x1, x2), at):
             y0, y1 = points[vertex, 0] - x0, points[vertex, 1] - x1
             y2 = points[vertex, 2] - x2 if points.shape[1] == 3 else 0.0
             moved = sqrt(y0 * y0 + y1 * y1 + y2 * y2)
@@ -288,21 +273,13 @@ def _walk_one(
 
 
 def _walk(
-    points: np.ndarray,
-    directions: np.ndarray,
-    ring: int,
-    longest: float,
-    rings: RingArrays,
-    ground: Ground,
-    corners: RingCorners,
-    standing: Standing,
-    purpose: Purpose,
-    scratch: np.ndarray,
+    walk: Walk, directions: np.ndarray, ring: int, longest: float, purpose: Purpose, scratch: np.ndarray
 ) -> tuple[float, float]:
     """Walk a vertex along its direction to the best place, not farther than ``longest``.
 
     Returns how far it went, and the largest badness or sum of 1/Q at the beginning.
     """
+    points, rings, ground, standing = walk.points, walk.rings, walk.ground, walk.standing
     vertex, d = rings.vertices[ring], rings.others.shape[1]
     d0, d1 = directions[ring, 0], directions[ring, 1]
     d2 = directions[ring, 2] if points.shape[1] == 3 else 0.0
@@ -316,7 +293,7 @@ def _walk(
         if crossing > 0:
             way, out = _way_out(vertex, d0, d1, d2, came, ground, standing)
         if crossing == 0 or way > 0.0:
-            n = _lines(points, ring, (d0, d1, d2), rings, ground, corners, standing, True, scratch)
+            n = _lines(walk, ring, (d0, d1, d2), True, scratch)
             if purpose.polishing:
                 step, now = lowest_step(scratch, n, d, purpose.floor)
             else:
@@ -556,24 +533,15 @@ def _put(points: np.ndarray, vertex: int, x0: float, x1: float, x2: float) -> No
         points[vertex, 2] = x2
 
 
-def _lines(
-    points: np.ndarray,
-    ring: int,
-    direction: Vector,
-    rings: RingArrays,
-    ground: Ground,
-    corners: RingCorners,
-    standing: Standing,
-    signed: bool,
-    scratch: np.ndarray,
-) -> int:
+def _lines(walk: Walk, ring: int, direction: Vector, signed: bool, scratch: np.ndarray) -> int:
     """Lay out a ring and its lines; signed: whether corners of a surface that turned over are negative."""
+    points, rings, ground, standing = walk.points, walk.rings, walk.ground, walk.standing
     d0, d1, d2 = direction
     vertex = rings.vertices[ring]
     if points.shape[1] == rings.others.shape[1]:
         return set_lines(points, vertex, d0, d1, d2, ring, rings, scratch)
     others, shapes, norm, slope = rings.others, rings.shapes, rings.norm, rings.slope
-    curvature, number, turned = rings.curvature, corners.number, standing.turned
+    curvature, number, turned = rings.curvature, walk.corners.number, standing.turned
     h0 = h1 = h2 = 0.0  # the normal of a triangle of no area: that of the facet
     if standing.kind[vertex] == SURFACE:
         at = standing.at[vertex]
@@ -614,26 +582,18 @@ def _lines(
     return n
 
 
-def _upright(
-    points: np.ndarray,
-    ring: int,
-    x: Vector,
-    at: int,
-    rings: RingArrays,
-    ground: Ground,
-    corners: RingCorners,
-    standing: Standing,
-) -> bool:
+def _upright(walk: Walk, ring: int, x: Vector, at: int) -> bool:
     """True if no triangle of a surface's ring turned over as its vertex came here from x on facet ``at``.
 
     A triangle is upright if its normal is on the side of those of the facets that its vertices stand on; if
     none of them stands on one, of that of the facet it was in the input.
     """
+    points, rings, corners, standing = walk.points, walk.rings, walk.corners, walk.standing
     if not len(corners.number):
         return True
     vertex = rings.vertices[ring]
     others, number, turned = rings.others, corners.number, standing.turned
-    kind, stands, normals = standing.kind, standing.at, ground.normals
+    kind, stands, normals = standing.kind, standing.at, walk.ground.normals
     x0, x1, x2 = x
     y0, y1, y2 = points[vertex, 0], points[vertex, 1], points[vertex, 2]
     lo = rings.start[ring]
