@@ -3,8 +3,8 @@
 With A = E W⁻¹ of a corner, L = -dev ln(A Aᵀ) (dev: the trace removed) says how and by how much it is
 stretched, and α(L) = exp((λmax - λmin) / 2) is its aspect, λ the eigenvalues. Averages of L over cells, from
 these to vertices and back, cancel for random slivers and do not for layers. Cells where three such averages
-still have an aspect of SEED are deliberate; from there they spread through common vertices as long as two
-averages have an aspect of GROWN.
+still have an aspect of SEED are deliberate, and single sheets of such cells (``sheets``); from there they
+spread through common vertices as long as two averages have an aspect of GROWN.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from dvr_cli.quality.targets import FORMED, Targets
 SEED = 5.0  # aspect from which stretching is deliberate, averaged three times
 GROWN = 1.5  # aspect down to which it spreads, averaged twice
 LIKELY = 4.75  # aspect from which a rough estimate leaves a cell among those that may be seeds
-KEPT = 2.0  # aspect from which a cell is kept, averaged twice
+KEPT = 2.0  # aspect from which a cell is kept, its own and that averaged twice
+_FEWEST = 8  # cells of any type that make a sheet
 
 
 def coherent(domain: Domain) -> Targets | None:
@@ -33,19 +34,20 @@ def coherent(domain: Domain) -> Targets | None:
     corners, points = domain.corners, domain.points
     cells = _Cells(domain)
     quality = corner_qualities(points, corners, domain.backend)
-    positive = corners.by_cell(np.minimum, quality) > FORMED[domain.dimension]
+    worst = corners.by_cell(np.minimum, quality)
+    positive = worst > FORMED[domain.dimension]
     parts = corners.vertices, corners.shapes, corners.start, roots(corners.table)
     likely = np.flatnonzero(domain.backend.twin(candidates)(points, *parts, quality, positive))
-    if not len(likely):
-        return None
     stretching = cells.from_corners(_stretching(points, corners, cells.around(likely) & positive))
-    seeds = likely[_log_aspect(cells.thrice(stretching)[likely]) >= np.log(SEED)]
-    if not len(seeds):
+    seeds = likely[_log_aspect(cells.thrice(stretching)[likely]) >= np.log(SEED)] if len(likely) else likely
+    sheets = _in_sheets(domain, cells, positive & (worst <= _best_quality(SEED, domain.dimension)))
+    if not len(seeds) and not sheets.any():
         return None
+    seeds = np.concatenate([seeds, np.flatnonzero(sheets)])
     stretching = cells.from_corners(_stretching(points, corners, positive))
     log_aspect = _log_aspect(cells.averaged(cells.averaged(stretching)))
     spread = cells.grown(seeds, log_aspect >= np.log(GROWN))
-    kept = spread & positive & (log_aspect >= np.log(KEPT))
+    kept = spread & positive & (np.minimum(log_aspect, _log_aspect(stretching)) >= np.log(KEPT)) | sheets
     if not kept.any():
         return None
     held = cells.with_vertices(kept) & ~cells.with_vertices(~positive)
@@ -101,6 +103,21 @@ class _Cells:
         return joined & with_seed[part[own]]
 
 
+def _in_sheets(domain: Domain, cells: _Cells, possible: np.ndarray) -> np.ndarray:
+    """(n,) bool: the cells in sheets, of the ``possible`` ones ((n,) bool)."""
+    flat = np.zeros_like(possible)
+    if np.count_nonzero(possible) < _FEWEST:
+        return flat
+    from dvr_cli.quality.sheets import able, in_sheets
+
+    possible = possible & able(domain.cells)
+    if not possible.any():
+        return flat
+    stretching = cells.from_corners(_stretching(domain.points, domain.corners, possible))
+    flat[possible] = _log_aspect(stretching[possible]) >= np.log(SEED)
+    return in_sheets(domain.cells, flat, stretching)
+
+
 def candidates(
     points: np.ndarray,
     vertices: np.ndarray,
@@ -146,6 +163,11 @@ def averaged(values: np.ndarray, vertices: np.ndarray, start: np.ndarray, n_poin
     for column in vertices.T:
         np.add.at(result, cell, total[column])
     return result / (width * vertices.shape[1])[:, None]
+
+
+def _best_quality(aspect: float, dimension: int) -> float:
+    """The quality that no corner of this aspect exceeds; see ``_largest_log_aspect``."""
+    return float((2.0 / (aspect + 1.0 / aspect)) ** (2.0 / dimension))
 
 
 def _largest_log_aspect(quality: np.ndarray, dimension: int) -> np.ndarray:

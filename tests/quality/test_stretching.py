@@ -13,7 +13,7 @@ from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality import stretching
 from dvr_cli.quality.stretching import coherent
 from dvr_cli.quality.targets import FORMED
-from meshes import KINDS, random_mesh
+from meshes import KINDS, delaunay, random_mesh
 from needs import require
 
 
@@ -181,3 +181,63 @@ def test_a_mesh_without_inner_cells_is_no_layer():
     assert (
         coherent(domain_of(Mesh(np.eye(3)[:, :2] + 0.0, [Cells("triangle", np.array([[2, 0, 1]]))]))) is None
     )
+
+
+def one_row(kind: str, aspect: float, place: int, n: int) -> tuple[Mesh, np.ndarray]:
+    """An even grid but for one flat row, its vertices shaken along it, others anywhere; (N,) the row's."""
+    even = 1.0 / (n - 1)
+    heights = np.full(n - 1, even)
+    heights[place] = even / aspect
+    levels = np.concatenate([[0.0], np.cumsum(heights)])
+    mesh = grid(kind, levels)
+    of_row = np.isin(mesh.points[:, -1], levels[[place, place + 1]])
+    shift = 0.15 * even * np.random.default_rng(place).uniform(-1, 1, mesh.points.shape)
+    shift[of_row, -1] = 0.0
+    inner = domain_of(mesh).interior
+    return Mesh(np.where(inner[:, None], mesh.points + shift, mesh.points), mesh.cells), of_row
+
+
+@pytest.mark.parametrize("place", [0, 4])
+@pytest.mark.parametrize("aspect", [7.0, 10.0, 100.0])
+@pytest.mark.parametrize(("kind", "n"), [("triangle", 13), ("quad", 12), ("wedge", 9), ("hexahedron", 9)])
+def test_a_single_row_is_found(kind, n, aspect, place):
+    mesh, of_row = one_row(kind, aspect, place, n)
+    found = coherent(domain_of(mesh))
+    assert found is not None
+    inside = np.concatenate([of_row[block.vertices].all(axis=1) for block in mesh.cells])
+    assert found.kept[inside].all()
+    assert found.held[of_row].all()
+    assert found.kept[~inside].mean() < 0.1
+    if kind in ("quad", "hexahedron"):  # simplices and wedges beside it may be flat by themselves
+        assert not found.kept[~inside].any()
+
+
+def test_a_single_row_round_a_circle_is_found():
+    turns, radii = np.linspace(0, 2 * np.pi, 25)[:-1], np.array([0.6, 0.8, 1.0, 1.02, 1.25, 1.5])
+    points = np.array([[r * np.cos(t), r * np.sin(t)] for t in turns for r in radii])
+    place = np.arange(len(points)).reshape(24, 6)
+    following = np.roll(place, -1, axis=0)
+    quads = np.stack([place[:, :-1], place[:, 1:], following[:, 1:], following[:, :-1]], axis=-1)
+    found = coherent(domain_of(Mesh(points, [Cells("quad", quads.reshape(-1, 4))])))
+    assert found is not None
+    assert (found.kept.reshape(24, 5) == [False, False, True, False, False]).all()
+
+
+def test_few_flat_cells_and_flat_tetrahedra_make_no_sheet():
+    mesh, _ = one_row("quad", 10.0, 3, 9)
+    assert coherent(domain_of(mesh)) is None
+    mesh, _ = one_row("tetra", 10.0, 4, 9)
+    assert coherent(domain_of(mesh)) is None
+
+
+@pytest.mark.parametrize(("kind", "n"), [("quad", 40), ("hexahedron", 9), ("wedge", 9), ("mixed2d", 40)])
+def test_shaken_cells_make_no_sheet(kind, n):
+    for noise in (0.3, 0.45):
+        assert coherent(domain_of(random_mesh(kind, 1, n, noise))) is None
+
+
+def test_random_triangles_make_no_sheet():
+    domain = domain_of(delaunay(3000, 2, 0))
+    cells = stretching._Cells(domain)
+    positive = domain.corners.by_cell(np.minimum, _qualities(domain)) > FORMED[2]
+    assert not stretching._in_sheets(domain, cells, positive).any()
