@@ -16,6 +16,7 @@ SECTIONS = (
     "files",
     "startup",
     "boundary",
+    "altitudes",
     "targets",
     "layers",
     "untangle",

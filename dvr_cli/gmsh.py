@@ -16,6 +16,7 @@ from dvr_cli.errors import InputError, UsageError
 from dvr_cli.files.gmsh.source import GmshSource, read
 from dvr_cli.files.source import differing
 from dvr_cli.mesh.domain import Domain, domain_of
+from dvr_cli.quality.altitudes import smallest_altitudes
 from dvr_cli.quality.mean_ratio import element_qualities
 from dvr_cli.report.records import SmoothReport
 
@@ -47,7 +48,7 @@ def smooth_model(**options: Any) -> SmoothReport:
         raise InputError(
             "the model's mesh is of second order; smooth it first, and raise the order afterwards"
         )
-    model = _Model(gmsh, source, domain)
+    model = _Model(gmsh, source, domain, chosen.keeps_altitude)
     points, report = smooth_mesh(source.mesh, chosen, storage=model)
     model.put(points)
     return report
@@ -79,8 +80,8 @@ def _set(gmsh: Any, options: dict[str, float]) -> Iterator[None]:
 class _Model:
     """The model that keeps the result: its curves and surfaces take the vertices that belong to them."""
 
-    def __init__(self, gmsh: Any, source: GmshSource, domain: Domain) -> None:
-        self._gmsh, self._domain = gmsh, domain
+    def __init__(self, gmsh: Any, source: GmshSource, domain: Domain, keeps_altitude: bool) -> None:
+        self._gmsh, self._domain, self._keeps_altitude = gmsh, domain, keeps_altitude
         self._tags, self._before = source.tags, source.mesh.points
         self._number = dict(zip(source.tags.tolist(), range(len(source.tags)), strict=True))
         self._parameters: dict[int, np.ndarray] = {}  # of each node on a curve or surface that moved
@@ -98,6 +99,10 @@ class _Model:
                     result[nodes] = self._closest(dimension, entity, nodes, points[nodes])
                     on_geometry = True
         return self._without_harm(result, on_geometry)
+
+    def rounding(self, points: np.ndarray) -> float:
+        """0.0: Gmsh keeps coordinates as they are, but for what ``stored`` minds."""
+        return 0.0
 
     def widen(self) -> bool:
         """False: Gmsh keeps coordinates in float64."""
@@ -124,11 +129,17 @@ class _Model:
         return nearest.reshape(-1, 3)
 
     def _without_harm(self, points: np.ndarray, on_geometry: bool) -> np.ndarray:
-        """``points`` with the vertices of elements worse than the worst of the input back in place."""
+        """``points`` with the vertices of elements worse than the worst of the input back in place, and of
+        those with an altitude below its smallest.
+        """
         corners = self._domain.corners
-        worst = element_qualities(self._domain.flatten(self._before), corners).min()
+        before = self._domain.flatten(self._before)
+        worst, least = element_qualities(before, corners).min(), self._altitudes(before).min()
         while True:
-            bad = element_qualities(self._domain.flatten(points), corners) < worst
+            flat = self._domain.flatten(points)
+            bad = element_qualities(flat, corners) < worst
+            if self._keeps_altitude:
+                bad |= self._altitudes(flat) < least
             nodes = np.unique(corners.vertices[np.repeat(bad, np.diff(corners.start))])
             back = nodes[differing(points[nodes], self._before[nodes]).any(axis=1)]
             if not on_geometry or not len(back):
@@ -136,3 +147,8 @@ class _Model:
             points[back] = self._before[back]
             for number in back.tolist():
                 self._parameters.pop(number, None)
+
+    def _altitudes(self, flat: np.ndarray) -> np.ndarray:
+        """(n,) the smallest altitude of each element."""
+        corners = self._domain.corners
+        return corners.by_cell(np.minimum, smallest_altitudes(flat, corners.vertices))

@@ -10,6 +10,7 @@ import pytest
 from dvr_cli.backend import COMPILED, NUMPY
 from dvr_cli.mesh import facets, interior, rings, simplex
 from dvr_cli.quality import altitudes, angles, mean_ratio, vector
+from dvr_cli.relax import altitudes as altitude_rule
 from dvr_cli.relax import problem, schedule
 from dvr_cli.relax.patches import neighbourhoods, solver
 from needs import require
@@ -18,6 +19,7 @@ TWINS = (
     *(facets.facet_order, interior.cancel_facets, interior.cancel_facets_of_simplices),
     *(rings.incidence, rings.rings, simplex.determinants),
     *(altitudes.extremes, angles.with_extreme_cosines, angles.with_extreme_turns),
+    altitude_rule.hold_altitudes,
     *(mean_ratio.corner_terms, mean_ratio.metric_norms, vector.lower),
     *(problem.touched_corners, schedule.colours, schedule.levels, neighbourhoods.choose, solver.solve_patch),
 )

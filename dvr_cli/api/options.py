@@ -169,6 +169,11 @@ class SmoothOptions:
         return self.is_free and moves and self.takes_polish and self.floor is None
 
     @property
+    def keeps_altitude(self) -> bool:
+        """True if the smallest altitude must not fall; the presets are methods that have no such rule."""
+        return self.preset is None
+
+    @property
     def is_free(self) -> bool:
         """True if nobody prescribed the directions in which vertices move."""
         return isinstance(self.directions, str) and self.directions == default("directions")

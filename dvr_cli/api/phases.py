@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dvr_cli.api.altitudes import altitude_bound
 from dvr_cli.api.boundary import Moves, change_of
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.mesh.domain import Domain
@@ -47,9 +48,14 @@ class Run:
         options: SmoothOptions,
         on_sweep: Callable[[Sweep], None] | None,
         interrupted: Callable[[], bool],
+        rounding: float,
     ) -> None:
-        """Begin at the points of the domain; on_sweep, interrupted: see ``sweeps.relax``."""
+        """Begin at the points of the domain; on_sweep, interrupted: see ``sweeps.relax``.
+
+        rounding: of the result's coordinates, see ``altitude_bound``.
+        """
         self._domain, self._moves, self._engine, self._options = domain, moves, engine, options
+        self._rounding = rounding
         self._on_sweep, self._interrupted = on_sweep, interrupted
         self._began = time.perf_counter()
         self._start = moves.start(domain.points)
@@ -122,6 +128,8 @@ class Run:
         if self._begin is None:
             self._begin = self.points
             self._engine.load(self.points)
+            if self._options.keeps_altitude:
+                self._engine.altitude = altitude_bound(self._domain, self.points, self._rounding)
 
     def relax_patches(self) -> None:
         """Move the surroundings of the worst elements jointly."""

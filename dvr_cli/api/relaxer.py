@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from dvr_cli.api.adapters.registry import CellArrays, as_mesh
+from dvr_cli.api.altitudes import altitude_bound, lowers_altitude, rounding_of
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.shapes import shaped
 from dvr_cli.api.smoothing import is_worse
@@ -251,6 +252,8 @@ class Relaxer:
         if not interior.any():
             return points.copy(), RelaxReport(None, None, 0, [], StopReason.NOTHING_TO_RELAX)
         engine.load(domain.points)
+        rounding = rounding_of(domain, points, freedom.relaxed, None)
+        engine.altitude = altitude_bound(domain, domain.points, rounding) if options.keeps_altitude else 0.0
         q1_before = engine.q1()
         outcome = relax(
             engine, domain.points, restrict_field(field, freedom), options.stopping, on_sweep, interrupted
@@ -259,7 +262,8 @@ class Relaxer:
         moved = domain.lift(points, outcome.points)
         if domain.is_tilted:
             relaxed = freedom.relaxed
-            if is_worse(measure(domain, moved, relaxed), measure(domain, points, relaxed)):
+            before, after = (measure(domain, each, relaxed) for each in (points, moved))
+            if is_worse(after, before) or (options.keeps_altitude and lowers_altitude(after, before)):
                 moved, q1_after, stopped_because = points.copy(), q1_before, StopReason.ROUNDING
         return moved, RelaxReport(q1_before, q1_after, int(interior.sum()), outcome.sweeps, stopped_because)
 

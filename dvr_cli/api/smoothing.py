@@ -10,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
+from dvr_cli.api.altitudes import Rounding, lowers_altitude, rounding_of
 from dvr_cli.api.boundary import bound_of, held_by_shape, moves_of
 from dvr_cli.api.options import BOUNDARIES, BOUNDARY_KEEPS, SmoothOptions
 from dvr_cli.api.phases import Run
@@ -39,7 +40,7 @@ _ON_SURFACES = "narrowing"  # directions on surfaces in space where nobody gives
 _SHARES = (0.97, 0.5, 0.1)
 
 
-class Storage(Protocol):
+class Storage(Rounding, Protocol):
     """The place where the result will be kept; it may round coordinates."""
 
     def stored(self, points: np.ndarray) -> np.ndarray:
@@ -65,7 +66,8 @@ def smooth_mesh(
     means: whether the report's sweeps have the mean quality of the elements, too.
     make: the engine of a kind for a problem, with that many threads.
 
-    Raises OutputError if rounding in the storage would make the mesh worse than it was.
+    Raises OutputError if rounding in the storage would make the mesh worse than it was, or lower its smallest
+    altitude.
     """
     how = storage, on_sweep, interrupted, means, make
     if options.is_free and options.stopping.max_iterations:
@@ -112,11 +114,12 @@ def _smoothed(
     how = options.order, options.seed, kind.backend, moves.within, moves.parts
     start_points = moves.start(domain.points)
     problem = build_problem(domain.corners, relaxed, start_points, *how)
+    rounding = rounding_of(domain, mesh.points, relaxed, storage) if options.keeps_altitude else 0.0
     mean: dict[int, float] = {}
     for share in _SHARES if moves.parts is not None else _SHARES[:1]:
         engine = make(kind, problem.keeping_within(share * bound), options.threads)
         hook = _record_means(mean, engine, domain, on_sweep) if means else on_sweep
-        run, reference = Run(domain, moves, engine, options, hook, interrupted), before
+        run, reference = Run(domain, moves, engine, options, hook, interrupted, rounding), before
         if untangling:
             run.untangle()
             after = measure(domain, domain.lift(mesh.points, run.points), relaxed)
@@ -134,7 +137,8 @@ def _smoothed(
             after = measure(domain, domain.lift(mesh.points, run.points), relaxed, inverted=run.inverted)
             if is_worse(after, reference):
                 return None
-        result_of = partial(_result, mesh, domain, relaxed, run, reference, storage)
+        keeps = options.keeps_altitude and moves.unfolding is None
+        result_of = partial(_result, mesh, domain, relaxed, run, reference, storage, keeps)
         points, after = result_of()
         if options.polish is None and run.polished and not at_least(after.vector, before.vector):
             run.undo_polish()
@@ -199,7 +203,13 @@ def _smoothed(
 
 
 def _result(
-    mesh: Mesh, domain: Domain, relaxed: np.ndarray, run: Run, reference: Quality, storage: Storage | None
+    mesh: Mesh,
+    domain: Domain,
+    relaxed: np.ndarray,
+    run: Run,
+    reference: Quality,
+    storage: Storage | None,
+    keeps_altitude: bool,
 ) -> tuple[np.ndarray, Quality]:
     """The coordinates that a run has reached as points that will be kept, and their quality."""
     points = domain.lift(mesh.points, run.points)
@@ -207,10 +217,13 @@ def _result(
         from dvr_cli.quality.curved import straightened
 
         points = straightened(domain, points)
-    if domain.is_tilted and is_worse(measure(domain, points, relaxed), reference):
-        points, run.stopped_because = mesh.points.copy(), StopReason.ROUNDING
+    if domain.is_tilted:
+        reached = measure(domain, points, relaxed)
+        if is_worse(reached, reference) or (keeps_altitude and lowers_altitude(reached, reference)):
+            points, run.stopped_because = mesh.points.copy(), StopReason.ROUNDING
     measured = partial(measure, domain, relaxed=relaxed, inverted=run.inverted)
-    return _stored_result(measured, points, reference, storage)
+    before = mesh.points if keeps_altitude else None
+    return _stored_result(measured, points, reference, storage, before)
 
 
 def _record_means(
@@ -257,25 +270,50 @@ def _freer(
 
 
 def _stored_result(
-    measured: Callable[[np.ndarray], Quality], points: np.ndarray, before: Quality, storage: Storage | None
+    measured: Callable[[np.ndarray], Quality],
+    points: np.ndarray,
+    before: Quality,
+    storage: Storage | None,
+    start: np.ndarray | None,
 ) -> tuple[np.ndarray, Quality]:
-    """The points as the storage keeps them, and their quality, which is not below that of the input."""
+    """The points as the storage keeps them, and their quality, which is not below that of the input.
+
+    start: the points of the input, whose smallest altitude must not fall, but for what the storage takes from
+    that of the input itself; None where it may.
+    """
     if storage is None:
         return points, measured(points)
-    kept = storage.stored(points)
-    after = measured(kept)
-    if is_worse(after, before) and storage.widen():
+
+    def rounded() -> tuple[np.ndarray, Quality, tuple[str, float, float] | None]:
         kept = storage.stored(points)
         after = measured(kept)
-    if is_worse(after, before):
-        name, old, new = "Q1", before.q1 or 0.0, after.q1 or 0.0  # neither is None here
-        if old <= new:
-            name, old, new = "the worst quality", before.minimum, after.minimum
+        lost = _what_fell(after, before)
+        if lost is None and start is not None and lowers_altitude(after, before):
+            as_stored = measured(storage.stored(start))
+            storage.stored(points)
+            if lowers_altitude(after, as_stored):
+                old, new = (each.measures["min_altitude"] or 0.0 for each in (as_stored, after))
+                lost = "the smallest altitude", old, new
+        return kept, after, lost
+
+    kept, after, lost = rounded()
+    if lost is not None and storage.widen():
+        kept, after, lost = rounded()
+    if lost is not None:
+        name, old, new = lost
         raise OutputError(
             f"rounding the coordinates as the output stores them would lower {name} from {old:.6g} by "
             f"{old - new:.2g}; choose a format with 64-bit coordinates"
         )
     return kept, after
+
+
+def _what_fell(after: Quality, before: Quality) -> tuple[str, float, float] | None:
+    """The name of what is worse, if anything is, and its values before and after."""
+    if not is_worse(after, before):
+        return None
+    old, new = before.q1 or 0.0, after.q1 or 0.0  # neither is None here
+    return ("the worst quality", before.minimum, after.minimum) if old <= new else ("Q1", old, new)
 
 
 def is_worse(after: Quality, before: Quality) -> bool:

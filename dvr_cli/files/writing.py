@@ -66,6 +66,10 @@ class Output:
         with _naming_output(self._path):
             return self._writer.stored(points)
 
+    def rounding(self, points: np.ndarray) -> float:
+        """The largest change of a coordinate with which the output keeps ``points`` (N, D)."""
+        return float(np.abs(self.stored(points) - points).max(initial=0.0))
+
     def widen(self) -> bool:
         """Have coordinates stored with more digits from now on; False if they are already or cannot be."""
         wide = self._writer.widened()

@@ -12,6 +12,8 @@ Elements that are no simplices have the altitudes of their corners.
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
@@ -50,6 +52,13 @@ def extremes(points: np.ndarray, vertices: np.ndarray) -> tuple[float, float]:
             sharp = np.where(v == 0.0, np.inf, total / (v * v))
         least, sharpest = min(least, low.min()), max(sharpest, sharp.max())
     return least, sharpest
+
+
+def smallest_altitudes(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """(n,) the smallest altitude of each simplex; arguments as for ``altitude_and_conduction``."""
+    edges, v = edges_and_determinant(points, vertices)
+    with np.errstate(all="ignore"):
+        return np.where(v == 0.0, 0.0, v / np.sqrt(reduce(np.maximum, squared_facets(edges))))
 
 
 def squared_facets(edges: list[list[np.ndarray]] | list[Components]) -> list[np.ndarray]:

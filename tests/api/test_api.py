@@ -398,6 +398,9 @@ class Rounding:
     def stored(self, points):
         return points if self.wide else points.astype(np.float32).astype(float)
 
+    def rounding(self, points):
+        return float(np.abs(self.stored(points) - points).max())
+
     def widen(self):
         asked, self.wide = not self.wide, True
         return asked

@@ -155,6 +155,7 @@ def test_the_gradient_of_patches_against_differences(kind):
         table.factor,
         *free,
         0.0,
+        0.0,
     )
     energy = PatchEnergy(points, patch)
     reference = energy.badness().max()

@@ -11,6 +11,7 @@ import numpy as np
 from dvr_cli.backend import Backend
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.vector import ring_minima
+from dvr_cli.relax.altitudes import hold_altitudes
 from dvr_cli.relax.polish import PLAIN, Aim
 from dvr_cli.relax.problem import Problem, ring_arrays
 from dvr_cli.relax.steepest import Ascent
@@ -25,10 +26,14 @@ if TYPE_CHECKING:
 
 
 class Engine(ABC):
-    """The code that updates all vertices of a batch; engines differ in speed, never in result."""
+    """The code that updates all vertices of a batch; engines differ in speed, never in result.
+
+    altitude: that below which no move takes an element (see ``altitudes``); 0.0 for no such rule.
+    """
 
     backend: Backend
     threads = 1
+    altitude = 0.0
 
     def __init__(self, problem: Problem) -> None:
         """problem: what to relax; the coordinates are those last given to ``load``."""
@@ -166,13 +171,12 @@ class Engine(ABC):
             chosen = directions if active is None else np.where(active[:, None], directions, 0.0)
             return self.relax_batch(batch, chosen, enough)
         lo, hi = self.problem.batch_start[batch : batch + 2].tolist()
-        before = self._get()[self.problem.rings.vertices[lo:hi]]
+        before = self._placed(lo, hi)
         for band in directions.bands:
             for _ in range(directions.searches):
                 if not self.relax_batch(batch, self.steepest(batch, band, active), enough):
                     break
-        after = self._get()[self.problem.rings.vertices[lo:hi]]
-        return int((after != before).any(axis=1).sum())
+        return int((self._placed(lo, hi) != before).any(axis=1).sum())
 
     def steepest(self, batch: int, band: float, active: np.ndarray | None = None) -> np.ndarray:
         """(m, d) directions of which those of a batch are of steepest ascent of their rings' minimum quality.
@@ -212,8 +216,10 @@ class Engine(ABC):
         enough: the badness with which a ring is good enough: its vertex goes no further; 0.0 for none.
         """
         lo, walking, hi = self.problem.parts(batch)
+        before = self._placed(lo, walking)
         moved = self._relax(batch, lo, walking, directions, enough) if lo < walking else 0
-        return moved + self._walk(walking, hi, directions, False, np.inf)
+        undone = self._hold_altitudes(lo, walking, before, 0.0, True) if moved else 0
+        return moved - undone + self._walk(walking, hi, directions, False, np.inf)
 
     def polish_batch(self, batch: int, directions: np.ndarray, limit: float, aim: Aim = PLAIN) -> int:
         """Move each vertex of a batch to where the price along its line is lowest above the floor.
@@ -222,8 +228,26 @@ class Engine(ABC):
         how many moved.
         """
         lo, walking, hi = self.problem.parts(batch)
+        before = self._placed(lo, walking)
         moved = self._polish(batch, lo, walking, directions, limit, aim) if lo < walking else 0
-        return moved + self._walk(walking, hi, directions, True, limit)
+        undone = self._hold_altitudes(lo, walking, before, limit, aim.by_ring) if moved else 0
+        return moved - undone + self._walk(walking, hi, directions, True, limit)
+
+    def _placed(self, lo: int, hi: int) -> np.ndarray:
+        """(hi - lo, d) copy of where the vertices of the rings lo .. hi are."""
+        return self._get()[self.problem.rings.vertices[lo:hi]]
+
+    def _hold_altitudes(self, lo: int, hi: int, before: np.ndarray, limit: float, by_ring: bool) -> int:
+        """Shorten moves of the rings lo .. hi by the altitude rule; see ``altitudes.hold_altitudes``."""
+        if self.altitude <= 0.0:
+            return 0
+        kernel = self.backend.twin(hold_altitudes)
+
+        def part(a: int, b: int) -> int:
+            rule = float(self.altitude), float(limit), by_ring
+            return kernel(self._get(), before[a - lo : b - lo], a, b, self._rows, *rule)
+
+        return sum(self._in_parts(part, lo, hi))
 
     def solve_patches(
         self, points: np.ndarray, patches: Sequence[Patch], time_is_up: Callable[[], bool]
@@ -255,7 +279,10 @@ class Engine(ABC):
         from dvr_cli.relax.surface.walk import Purpose, walk_rings  # only where vertices walk
 
         kernel = self.backend.twin(walk_rings)
-        walk, purpose = self._walkers(carriers, standing), Purpose(carriers.limit, polishing, floor)
+        walk, purpose = (
+            self._walkers(carriers, standing),
+            Purpose(carriers.limit, float(self.altitude), polishing, floor),
+        )
 
         def part(a: int, b: int) -> int:
             return kernel(walk, directions, a, b, purpose, self._largest_ring)

@@ -55,7 +55,7 @@ def relax_patches(
     problem, start = engine.problem, time.perf_counter()
     if not len(problem.relaxed):
         return Relaxation(engine.points, [], StopReason.NOTHING_TO_RELAX)
-    state = _State(problem, engine.coordinates, level)
+    state = _State(problem, engine.coordinates, level, engine.altitude)
     neighbourhoods = Neighbourhoods(problem, engine.backend)
     rounds: list[Sweep] = []
 
@@ -82,7 +82,9 @@ class _State:
     corner, and how many layers are to be freed around it.
     """
 
-    def __init__(self, problem: Problem, points: np.ndarray, level: float | None) -> None:
+    def __init__(
+        self, problem: Problem, points: np.ndarray, level: float | None, altitude: float
+    ) -> None:
         self._touched, self.points = problem.touched, points
         d = problem.dimension
         self.slot = np.full(len(self.points), -1, dtype=np.int32)  # of freed vertices: number in their patch
@@ -95,6 +97,7 @@ class _State:
         self.rules = table.norm, table.factor, freedom.dimension, freedom.axis
         self._level = np.inf if level is None else level
         self.enough = 0.0 if level is None else badness_of(level * (1.0 + _BEYOND), d)
+        self._altitude = float(altitude)
         self.quality = corner_qualities(self.points, self._touched)
         self._left = len(self.quality) if level is None else max(_LEAST, int(_SHARE * len(self.quality)))
         self.layers = np.ones(len(self.quality), dtype=np.int64)  # to be freed around each corner
@@ -136,7 +139,7 @@ class _State:
         parts = [patches.of(patch) for patch in range(len(patches))]
         for freed, _, _ in parts:
             self.slot[freed] = np.arange(len(freed))
-        return [Patch(*part, self.slot, *self.rules, self.enough) for part in parts]
+        return [Patch(*part, self.slot, *self.rules, self.enough, self._altitude) for part in parts]
 
     def leave(self, patches: Patches, badness: np.ndarray) -> int:
         """Record the result of solving these patches; returns how many vertices moved.

@@ -28,6 +28,7 @@ from dvr_cli.mesh.simplex import (
     edges_and_determinant,
     through,
 )
+from dvr_cli.quality.altitudes import extremes
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.lbfgs import Pair, descent
@@ -41,6 +42,7 @@ HALVINGS = 12  # of a step that does not descend enough, before giving up
 DECREASE = 1e-4  # part of the descent that the slope promises which a step has to make (Armijo)
 FIRST_STEP = 0.02  # largest move in the first iteration for one k, in units of the mean edge length
 FLAT = 1e-5  # relative descent of f in an iteration below which it is the next k's turn
+SHORTER = 6  # moves tried, each half as long as the one before, where an altitude would fall too low
 NEGLIGIBLE = 1e-12  # share of a corner in Σ r^k below which its gradient does not count
 
 # For each edge of a corner the other edges, and where the coefficient of their product stands in the norm.
@@ -53,6 +55,7 @@ class Patch(NamedTuple):
     moving: (n,) vertices. vertices: (C, d+1), and shapes: (C,), of the corners. slot: (N,) number of each
     moving vertex among them, negative for all that stay. norm, factor: of ``ShapeTable``. dimension: (N,) and
     axis: (N, d) of ``Freedom``. enough: the badness with which the patch is good enough, 0.0 for none.
+    altitude: that below which no element may come, 0.0 for none.
     """
 
     moving: np.ndarray
@@ -64,11 +67,13 @@ class Patch(NamedTuple):
     dimension: np.ndarray
     axis: np.ndarray
     enough: float
+    altitude: float
 
 
 def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
-    """Move the vertices of a patch if that makes its smallest quality grow.
+    """Move the vertices of a patch if that makes its smallest quality grow, with no altitude below the bound.
 
+    Moves that would take an altitude below are halved, some times, before the patch is left as it was.
     points: (N, d), changed in place. Returns the largest badness of the patch before and after, the same if
     nothing moved.
     """
@@ -83,10 +88,14 @@ def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
             break
     # the rounding of many steps has added up: back into the lines and planes, with that of one
     moved = energy.inside(energy.inside(points[moving] - start))
-    points[moving] = start + moved
-    after = energy.badness().max()
-    if improves(before, after, d):
-        return before, after
+    for _ in range(SHORTER):
+        points[moving] = start + moved
+        after = energy.badness().max()
+        if not improves(before, after, d):
+            break
+        if patch.altitude <= 0.0 or extremes(points, patch.vertices)[0] >= patch.altitude:
+            return before, after
+        moved = 0.5 * moved
     points[moving] = start
     return before, before
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from dvr_cli.jit import compiled, inlined, part
 from dvr_cli.mesh.simplex_numba import determinant_2d, determinant_3d
+from dvr_cli.quality.altitudes_numba import extremes
 from dvr_cli.quality.badness_numba import badness
 from dvr_cli.quality.mean_ratio_numba import metric_norm, through_2d, through_3d
 from dvr_cli.relax.lbfgs_numba import descent, dot
@@ -22,6 +23,7 @@ from dvr_cli.relax.patches.solver import (
     ITERATIONS,
     MEMORY,
     NEGLIGIBLE,
+    SHORTER,
     SQUARINGS,
     Patch,
 )
@@ -47,10 +49,14 @@ def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
     moved -= start
     _project(moved, patch)
     _project(moved, patch)
-    _put(points, moving, start + moved)
-    after = _badnesses(points, patch, bad)
-    if improves(before, after, d):
-        return before, after
+    for _ in range(SHORTER):
+        _put(points, moving, start + moved)
+        after = _badnesses(points, patch, bad)
+        if not improves(before, after, d):
+            break
+        if patch.altitude <= 0.0 or extremes(points, patch.vertices)[0] >= patch.altitude:
+            return before, after
+        moved *= 0.5
     _put(points, moving, start)
     return before, before
 

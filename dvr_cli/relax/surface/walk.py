@@ -9,8 +9,8 @@ in one dimension.
 
 At the end the ring is evaluated again: the vertex stays there if its minimum quality has grown (or the sum of
 1/Q has fallen, above the floor), no triangle of a surface has turned over against the facets its vertices
-stand on, and the mesh is nowhere farther from the input than the limit. Else the walk is tried again,
-shorter.
+stand on, no altitude is below the bound, and the mesh is nowhere farther from the input than the limit. Else
+the walk is tried again, shorter.
 
 These are kernels, written for one vertex at a time over the functions of ``ring``; ``walk_numba`` has them
 compiled over those of ``ring_numba``, so both do the same operations in the same order. Records are taken out
@@ -76,11 +76,13 @@ class Walk(NamedTuple):
 class Purpose(NamedTuple):
     """The purpose of a walk, and the rules it keeps to.
 
-    limit: how far the mesh may come from the input. polishing: whether to lower the sum of 1/Q, with no
+    limit: how far the mesh may come from the input. altitude: that below which no walk takes an element, 0.0
+        for no such rule. polishing: whether to lower the sum of 1/Q, with no
         badness above ``floor``, instead of raising the minimum.
     """
 
     limit: float
+    altitude: float
     polishing: bool
     floor: float
 
@@ -253,6 +255,8 @@ def _walk_one(walk: Walk, directions: np.ndarray, ring: int, purpose: Purpose, s
             better = keeps(before, sum_of(scratch, n, d), largest, purpose.floor, d)
         else:
             better = improves(before, largest, d)
+        if purpose.altitude > 0.0:
+            better = better and _keeps_altitude(points, vertex, n, d, purpose.altitude, scratch)
         part = 0.5
         if better and _upright(walk, ring, (x0, x1, x2), at):
             y0, y1 = points[vertex, 0] - x0, points[vertex, 1] - x1
@@ -270,6 +274,35 @@ def _walk_one(walk: Walk, directions: np.ndarray, ring: int, purpose: Purpose, s
         _put(points, vertex, x0, x1, x2)
         standing.at[vertex], standing.u[vertex], standing.w[vertex] = at, u, w
     return False
+
+
+def _keeps_altitude(
+    points: np.ndarray, vertex: int, n: int, d: int, altitude: float, scratch: np.ndarray
+) -> bool:
+    """True if no altitude of the ring's n corners, which stand in the scratch, is below the one given."""
+    x0, x1 = points[vertex, 0], points[vertex, 1]
+    x2 = points[vertex, 2] if points.shape[1] == 3 else 0.0
+    for c in range(n):
+        e0, e1, e2 = scratch[END, c] - x0, scratch[END + 1, c] - x1, scratch[END + 2, c] - x2
+        f0, f1, f2 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1, scratch[END + 5, c] - x2
+        g0, g1, g2 = f0 - e0, f1 - e1, f2 - e2
+        if d == 2:
+            largest = max(e0 * e0 + e1 * e1 + e2 * e2, f0 * f0 + f1 * f1 + f2 * f2)
+            largest = max(largest, g0 * g0 + g1 * g1 + g2 * g2)
+        else:
+            h0, h1, h2 = scratch[END + 6, c] - x0, scratch[END + 7, c] - x1, scratch[END + 8, c] - x2
+            largest = max(_area(e0, e1, e2, f0, f1, f2), _area(f0, f1, f2, h0, h1, h2))
+            largest = max(largest, _area(h0, h1, h2, e0, e1, e2))
+            largest = max(largest, _area(g0, g1, g2, h0 - e0, h1 - e1, h2 - e2))
+        if scratch[V0, c] < altitude * sqrt(largest):
+            return False
+    return True
+
+
+def _area(a0: float, a1: float, a2: float, b0: float, b1: float, b2: float) -> float:
+    """Four times the squared area of the triangle with edges a and b."""
+    n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    return n0 * n0 + n1 * n1 + n2 * n2
 
 
 def _walk(

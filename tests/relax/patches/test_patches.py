@@ -67,7 +67,7 @@ def patch_of(run, layers=1, seed=None):
     slot[moving] = np.arange(len(moving))
     dimension, axis = np.full(len(points), d, dtype=np.uint8), np.zeros_like(points)
     table = SHAPES[d].norm, SHAPES[d].factor
-    return points, Patch(moving, vertices, shapes, slot, *table, dimension, axis, 0.0)
+    return points, Patch(moving, vertices, shapes, slot, *table, dimension, axis, 0.0, 0.0)
 
 
 # ------------------------------------------------------------------------------------------- the guarantee
