@@ -23,24 +23,21 @@ from meshes import KINDS, delaunay, random_mesh
 from needs import require
 
 
-def altitude(simplex):
-    """The smallest altitude of a simplex (d+1, k), from the lengths of the gradients of shape functions."""
-    edges = simplex[1:] - simplex[0]
-    gradients = np.linalg.pinv(edges).T
-    sharpest = np.linalg.norm([*gradients, gradients.sum(axis=0)], axis=1).max()
-    sign = 1.0 if len(edges) < edges.shape[1] else np.sign(np.linalg.det(edges))
-    return float(sign / sharpest)
+def altitudes(simplices):
+    """(n,) the smallest altitude of simplices (n, d+1, k), by the gradients of their shape functions."""
+    edges = simplices[:, 1:] - simplices[:, :1]
+    gradients = np.linalg.pinv(edges).transpose(0, 2, 1)
+    own = gradients.sum(axis=1, keepdims=True)
+    sharpest = np.linalg.norm(np.concatenate([gradients, own], axis=1), axis=2).max(axis=1)
+    square = edges.shape[1] == edges.shape[2]
+    return (np.sign(np.linalg.det(edges)) if square else 1.0) / sharpest
 
 
 def smallest(mesh, points=None):
     """The smallest altitude of all corners as the oracle counts them."""
     points = mesh.points if points is None else points
-    return min(
-        altitude(points[cell[local]])
-        for block in mesh.cells
-        for local, _ in oracle.corners(block.type)
-        for cell in block.vertices
-    )
+    corners = [b.vertices[:, local] for b in mesh.cells for local, _ in oracle.corners(b.type)]
+    return float(altitudes(points[np.concatenate(corners)]).min())
 
 
 def engine_of(mesh, altitude):
@@ -78,7 +75,7 @@ def holds(kind, seed, noise):
     return at_bound
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(st.sampled_from(KINDS), st.integers(0, 10**6), st.floats(0, 0.5))
 def test_the_smallest_altitude_never_falls_after_any_batch(kind, seed, noise):
     holds(kind, seed, noise)
@@ -92,7 +89,7 @@ def test_the_smallest_altitude_never_falls_in_large_numbers(kind, seed, noise):
 
 
 def test_there_are_moves_that_the_rule_cuts_short():
-    assert sum(holds(kind, 3, 0.05) for kind in ("quad", "tetra", "hexahedron")) > 0
+    assert sum(holds(kind, 3, 0.05) for kind in ("quad", "tetra")) > 0
 
 
 def held(backend, points, cells, vertex, reached, bound):
@@ -116,9 +113,9 @@ def test_a_move_ends_where_an_altitude_would_fall_below_the_bound(kind):
     for seed in range(12):
         mesh = random_mesh(kind, seed, noise=0.2)
         block = mesh.cells[0]
-        around = {v: c for v in np.flatnonzero(domain_of(mesh).interior) if (c := corners_at(block, v))}
+        around = {v: corners_at(block, v) for v in np.flatnonzero(domain_of(mesh).interior)}
         vertex = list(around)[seed % len(around)]
-        start = min(altitude(mesh.points[corner]) for corner in around[vertex])
+        start = altitudes(mesh.points[around[vertex]]).min()
         size = np.ptp(mesh.points, axis=0).max() / 3
         reached = mesh.points[vertex] + size * generator.normal(size=mesh.points.shape[1])
         bound = start * generator.uniform(0.2, 0.99)
@@ -126,7 +123,7 @@ def test_a_move_ends_where_an_altitude_would_fall_below_the_bound(kind):
         def low(part, mesh=mesh, vertex=vertex, reached=reached, bound=bound, corners=around):
             points = mesh.points.copy()
             points[vertex] += part * (reached - points[vertex])
-            return min(altitude(points[corner]) for corner in corners[vertex]) < bound
+            return altitudes(points[corners[vertex]]).min() < bound
 
         found, undone = held(NUMPY, mesh.points, block, vertex, reached, bound)
         if not low(1.0):
@@ -150,19 +147,22 @@ def test_a_move_ends_where_an_altitude_would_fall_below_the_bound(kind):
 
 
 def corners_at(block, vertex):
-    """The corners of the cells that contain a vertex."""
-    corners = (cell[local] for cell in block.vertices for local, _ in oracle.corners(block.type))
-    return [corner for corner in corners if vertex in corner]
+    """(n, d+1) the corners of the cells that contain a vertex."""
+    corners = np.concatenate([block.vertices[:, local] for local, _ in oracle.corners(block.type)])
+    return corners[(corners == vertex).any(axis=1)]
 
 
 def test_a_move_that_has_no_room_is_undone():
-    points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, -1.0], [0.1, 0.1]])
-    cells = Cells("triangle", np.array([[1, 2, 4], [2, 3, 4], [3, 1, 4]]))
-    bound = min(altitude(points[cell]) for cell in cells.vertices)
-    towards = points[4] + [0.2, 0.2]  # the nearest side is that of the smallest altitude
-    found, undone = held(NUMPY, points, cells, 4, towards, bound * (1 + 1e-9))
-    assert undone == 1
-    np.testing.assert_array_equal(found, points[4])
+    """From the middle of a regular triangle, cut into three, each move lowers an altitude."""
+    angle = 2 * np.pi / 3 * np.arange(3)
+    points = np.vstack([np.column_stack([np.cos(angle), np.sin(angle)]), np.zeros(2)])
+    cells = Cells("triangle", np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]]))
+    bound = altitudes(points[cells.vertices]).min()
+    for angle in np.arange(0.0, 6.0, 0.5):
+        reached = 0.2 * np.array([np.cos(angle), np.sin(angle)])
+        found, undone = held(NUMPY, points, cells, 3, reached, bound * (1 + 1e-9))
+        assert undone == 1
+        np.testing.assert_array_equal(found, points[3])
 
 
 @pytest.mark.parametrize("kind", ["triangle", "tetra", "hexahedron"])
@@ -183,7 +183,7 @@ OPTIONS = (
 )
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(
     st.sampled_from(KINDS),
     st.sampled_from(("fixed", "slide", "project")),
