@@ -70,7 +70,7 @@ def _put(points: np.ndarray, vertex: int, x: np.ndarray) -> None:
 
 @inlined
 def _below(points: np.ndarray, o: int, ring: int, rings: RingArrays, bound: float) -> bool:
-    """Whether an altitude of a corner of the ring is below the bound."""
+    """True if an altitude of a corner of the ring is below the bound."""
     others = rings.others
     for c in range(rings.start[ring], rings.start[ring + 1]):
         p, q = others[c, 0], others[c, 1]
