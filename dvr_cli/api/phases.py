@@ -129,7 +129,7 @@ class Run:
             self._begin = self.points
             self._engine.load(self.points)
             if self._options.keeps_altitude:
-                self._engine.altitude = altitude_bound(self._domain, self.points, self._rounding)
+                self._engine.keep_altitude(altitude_bound(self._domain, self.points, self._rounding))
 
     def relax_patches(self) -> None:
         """Move the surroundings of the worst elements jointly."""

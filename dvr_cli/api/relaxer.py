@@ -253,7 +253,9 @@ class Relaxer:
             return points.copy(), RelaxReport(None, None, 0, [], StopReason.NOTHING_TO_RELAX)
         engine.load(domain.points)
         rounding = rounding_of(domain, points, freedom.relaxed, None)
-        engine.altitude = altitude_bound(domain, domain.points, rounding) if options.keeps_altitude else 0.0
+        engine.keep_altitude(
+            altitude_bound(domain, domain.points, rounding) if options.keeps_altitude else 0.0
+        )
         q1_before = engine.q1()
         outcome = relax(
             engine, domain.points, restrict_field(field, freedom), options.stopping, on_sweep, interrupted

@@ -128,7 +128,14 @@ class LeadEngine(Engine):
                 badness[number] = of_patch
         return badness
 
+    def keep_altitude(self, bound: float) -> None:
+        super().keep_altitude(bound)
+        self._ask("keep altitude", bound)
+
     # ------------------------------------------------------------------------------ of Engine
+
+    def _moved(self, lo: int, hi: int, move: Callable[[], int], limit: float, by_ring: bool) -> int:
+        return move()  # the members keep to the altitude
 
     def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray, enough: float) -> int:
         self._send("directions", directions)

@@ -37,6 +37,7 @@ class Member:
             "take coordinates": self._take_coordinates,
             "take directions": self._take_directions,
             "take active": self._take_active,
+            "keep altitude": self.engine.keep_altitude,
             "relax": self._relax,
             "move": self._move,
             "find directions": self._find_directions,

@@ -16,6 +16,8 @@ from dvr_cli.relax.problem import RingArrays
 # most √3/12 of the sum of its own, and these are at most 3/4 of all.
 _FACE = 0.2166
 
+Vector = tuple[float, float, float]
+
 
 @compiled
 def hold_altitudes(
@@ -147,27 +149,16 @@ def _way_out(
     n0, n1, n2 = _cross(q0 - p0, q1 - p1, q2 - p2, r0 - p0, r1 - p1, r2 - p2)
     v, dv = e0 * n0 + e1 * n1 + e2 * n2, -(w0 * n0 + w1 * n1 + w2 * n2)
     part = _exit(v, dv, n0 * n0 + n1 * n1 + n2 * n2, 0.0, 0.0, bound)
-    part = min(part, _exit_through(v, dv, e0, e1, e2, f0, f1, f2, w0, w1, w2, bound))
-    part = min(part, _exit_through(v, dv, f0, f1, f2, g0, g1, g2, w0, w1, w2, bound))
-    return min(part, _exit_through(v, dv, g0, g1, g2, e0, e1, e2, w0, w1, w2, bound))
+    e, f, g, w = (e0, e1, e2), (f0, f1, f2), (g0, g1, g2), (w0, w1, w2)
+    part = min(part, _exit_through(v, dv, e, f, w, bound))
+    part = min(part, _exit_through(v, dv, f, g, w, bound))
+    return min(part, _exit_through(v, dv, g, e, w, bound))
 
 
 @inlined
-def _exit_through(
-    v: float,
-    dv: float,
-    e0: float,
-    e1: float,
-    e2: float,
-    f0: float,
-    f1: float,
-    f2: float,
-    w0: float,
-    w1: float,
-    w2: float,
-    bound: float,
-) -> float:
+def _exit_through(v: float, dv: float, e: Vector, f: Vector, w: Vector, bound: float) -> float:
     """See ``altitudes._exit``, for the face with the edges e and f at the vertex that moves along w."""
+    (e0, e1, e2), (f0, f1, f2), (w0, w1, w2) = e, f, w
     n0, n1, n2 = _cross(e0, e1, e2, f0, f1, f2)
     m0, m1, m2 = _cross(f0 - e0, f1 - e1, f2 - e2, w0, w1, w2)
     ndn, dndn = n0 * m0 + n1 * m1 + n2 * m2, m0 * m0 + m1 * m1 + m2 * m2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 class Engine(ABC):
     """The code that updates all vertices of a batch; engines differ in speed, never in result.
 
-    altitude: that below which no move takes an element (see ``altitudes``); 0.0 for no such rule.
+    altitude: see ``keep_altitude``.
     """
 
     backend: Backend
@@ -57,6 +58,10 @@ class Engine(ABC):
         self._set(np.asarray(points, dtype=np.float64)[self.problem.order])
         if self.problem.carriers is not None:
             self._standing = self.problem.carriers.standing()
+
+    def keep_altitude(self, bound: float) -> None:
+        """Let no move take an element below an altitude of ``bound`` (see ``altitudes``); 0.0 ends the rule."""
+        self.altitude = bound
 
     @property
     def points(self) -> np.ndarray:
@@ -216,10 +221,8 @@ class Engine(ABC):
         enough: the badness with which a ring is good enough: its vertex goes no further; 0.0 for none.
         """
         lo, walking, hi = self.problem.parts(batch)
-        before = self._placed(lo, walking)
-        moved = self._relax(batch, lo, walking, directions, enough) if lo < walking else 0
-        undone = self._hold_altitudes(lo, walking, before, 0.0, True) if moved else 0
-        return moved - undone + self._walk(walking, hi, directions, False, np.inf)
+        move = partial(self._relax, batch, lo, walking, directions, enough)
+        return self._moved(lo, walking, move, 0.0, True) + self._walk(walking, hi, directions, False, np.inf)
 
     def polish_batch(self, batch: int, directions: np.ndarray, limit: float, aim: Aim = PLAIN) -> int:
         """Move each vertex of a batch to where the price along its line is lowest above the floor.
@@ -228,26 +231,31 @@ class Engine(ABC):
         how many moved.
         """
         lo, walking, hi = self.problem.parts(batch)
-        before = self._placed(lo, walking)
-        moved = self._polish(batch, lo, walking, directions, limit, aim) if lo < walking else 0
-        undone = self._hold_altitudes(lo, walking, before, limit, aim.by_ring) if moved else 0
-        return moved - undone + self._walk(walking, hi, directions, True, limit)
+        move = partial(self._polish, batch, lo, walking, directions, limit, aim)
+        moved = self._moved(lo, walking, move, limit, aim.by_ring)
+        return moved + self._walk(walking, hi, directions, True, limit)
 
     def _placed(self, lo: int, hi: int) -> np.ndarray:
         """(hi - lo, d) copy of where the vertices of the rings lo .. hi are."""
         return self._get()[self.problem.rings.vertices[lo:hi]]
 
-    def _hold_altitudes(self, lo: int, hi: int, before: np.ndarray, limit: float, by_ring: bool) -> int:
-        """Shorten moves of the rings lo .. hi by the altitude rule; see ``altitudes.hold_altitudes``."""
-        if self.altitude <= 0.0:
+    def _moved(self, lo: int, hi: int, move: Callable[[], int], limit: float, by_ring: bool) -> int:
+        """Move the vertices of the rings lo .. hi, no farther than the altitude rule lets them.
+
+        move: moves them, and returns how many, as this does. limit, by_ring: see ``altitudes.hold_altitudes``.
+        """
+        if lo == hi:
             return 0
+        if self.altitude <= 0.0:
+            return move()
+        before, moved = self._placed(lo, hi), move()
         kernel = self.backend.twin(hold_altitudes)
 
         def part(a: int, b: int) -> int:
             rule = float(self.altitude), float(limit), by_ring
             return kernel(self._get(), before[a - lo : b - lo], a, b, self._rows, *rule)
 
-        return sum(self._in_parts(part, lo, hi))
+        return moved - sum(self._in_parts(part, lo, hi)) if moved else 0
 
     def solve_patches(
         self, points: np.ndarray, patches: Sequence[Patch], time_is_up: Callable[[], bool]
