@@ -35,6 +35,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "order": "natural",
         "patches": False,
         "polish": False,
+        "keep_height": False,
         "tol": 0.0,
         "shape": "ideal",
     },
@@ -73,6 +74,8 @@ class SmoothOptions:
     polish: afterwards raise the mean quality, so that the quality vector below the level of care does not
         decrease; by default with the default directions and no target. floor: keep all qualities above so
         much of the Q1 reached, and nothing else.
+    keep_height: take no element below the smallest altitude of the input; by default with the default
+        directions and no metric.
     preset: "paper" for the paper's Algorithm 1: random directions, natural order, max_iterations sweeps.
     engine: "auto", "numpy" or "numba"; threads: by default all cores. Neither changes the result.
     """
@@ -98,6 +101,7 @@ class SmoothOptions:
     patches: bool | None = None
     polish: bool | None = None
     floor: float | None = None
+    keep_height: bool | None = None
     preset: str | None = None
     engine: str = default("engine")
     threads: int | None = None
@@ -170,8 +174,9 @@ class SmoothOptions:
 
     @property
     def keeps_altitude(self) -> bool:
-        """True if the smallest altitude must not fall; the presets are methods that have no such rule."""
-        return self.preset is None
+        """True if the smallest altitude must not fall."""
+        usual = self.is_free and self.metric is None
+        return usual if self.keep_height is None else self.keep_height
 
     @property
     def is_free(self) -> bool:
@@ -235,6 +240,7 @@ class SmoothOptions:
             "regions": _described(regions) if isinstance(regions, np.ndarray) else list(regions),
             "patches": self.takes_patches,
             "polish": self.takes_polish,
+            "keep_height": self.keeps_altitude,
         }
         return {
             name: special[name] if name in special else option.record(self._value(name))

@@ -40,7 +40,7 @@ _INTACT = 0.5  # quality relative to its shape above which a cell of a layer is 
 # The options of smoothing that a step of a Relaxer has, too.
 _OPTIONS = (
     *("directions", "center", "axis", "max_iterations", "tol", "patience", "target", "time_limit"),
-    *("order", "seed", "regions", "shape", "straighten", "engine", "threads"),
+    *("order", "keep_height", "seed", "regions", "shape", "straighten", "engine", "threads"),
 )
 
 

@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from dvr_cli.options.record import COUNT, FILE, QUALITY, SMOOTH, TEXTS, Option, Values, Variant
+from dvr_cli.options.record import (
+    COUNT,
+    FILE,
+    QUALITY,
+    RELAXING,
+    SMOOTH,
+    SWITCH,
+    TEXTS,
+    Option,
+    Values,
+    Variant,
+)
 
 FREEDOM = (
     Option(
@@ -94,6 +105,23 @@ FREEDOM = (
         SMOOTH,
         "FILE",
         recorded=True,
+        panel="Selection",
+    ),
+    Option(
+        "keep_height",
+        SWITCH,
+        None,
+        "Take no element below the smallest altitude of the input, which explicit time steps follow; "
+        "default: with the default directions and no --metric.",
+        RELAXING,
+        variants={
+            "morph": Variant(
+                help="Take no element below the smallest altitude that a step begins with, which explicit "
+                "time steps follow."
+            )
+        },
+        recorded=True,
+        shown=False,
         panel="Selection",
     ),
 )

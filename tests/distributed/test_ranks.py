@@ -27,7 +27,7 @@ RUNS = (
     ("tetra", "--target 0.4 -n 4"),
     ("tetra", "-d random --polish --floor 0.9 -n 2"),
     ("triangle", "--below 0.6 --layers 1 -n 3"),
-    ("level", f"{SWEEPS} --boundary slide"),
+    ("level", f"{SWEEPS} --boundary slide --keep-height"),
     ("level", "-n 3 --boundary slide"),
     ("tangled", "--untangle -n 2"),
     ("tetra", "-d random --time-limit 1e-9"),

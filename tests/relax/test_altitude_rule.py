@@ -178,8 +178,8 @@ def test_patches_keep_to_the_bound(kind):
 
 OPTIONS = (
     {},
-    {"directions": "random,x,radial"},
-    {"directions": "optimal", "patches": True, "polish": True, "floor": 0.9},
+    {"directions": "random,x,radial", "keep_height": True},
+    {"directions": "optimal", "patches": True, "polish": True, "floor": 0.9, "keep_height": True},
     {"target": 0.5},
 )
 
@@ -252,11 +252,29 @@ def shrinking():
     raise AssertionError("none of the meshes loses altitude")
 
 
-def test_the_preset_of_the_paper_has_no_such_rule():
+def test_the_rule_holds_by_default_and_on_request():
     mesh = shrinking()
-    options = {"directions": "random", "order": "natural", "tol": 0.0, "shape": "ideal", "max_iterations": 5}
-    points, _ = dvr_cli.smooth(mesh.points, mesh.cells[0].vertices, **options)
-    assert smallest(mesh, points) >= smallest(mesh)
+    given = {"directions": "random", "order": "natural", "tol": 0.0, "max_iterations": 5}
+
+    def fell(**options):
+        points, report = dvr_cli.smooth(mesh.points, mesh.cells[0].vertices, **options)
+        assert report.options["keep_height"] == (smallest(mesh, points) >= smallest(mesh))
+        return smallest(mesh, points) < smallest(mesh)
+
+    assert fell(**given)
+    assert not fell(**given, keep_height=True)
+    assert not fell()
+
+
+def test_who_wants_the_best_quality_lifts_the_rule():
+    mesh = random_mesh("tetra", 1, noise=0.02)
+    q1 = {}
+    for keep in (True, False):
+        options = SmoothOptions(engine="numpy", boundary="slide", keep_height=keep, patches=False)
+        points, report = smooth_mesh(mesh, options)
+        q1[keep] = report.after.q1
+        assert (smallest(mesh, points) >= smallest(mesh)) == keep
+    assert q1[False] > q1[True]
 
 
 class Coarse:
@@ -284,7 +302,7 @@ def test_the_smallest_altitude_does_not_fall_as_coordinates_are_rounded(seed):
 @pytest.mark.parametrize("kind", ["quad", "tetra"])
 def test_a_step_of_a_relaxer_lowers_no_altitude_below_the_smallest_it_begins_with(kind):
     mesh = random_mesh(kind, 2, noise=0.05)
-    relaxer = dvr_cli.Relaxer(mesh.points, {kind: mesh.cells[0].vertices}, max_iterations=3)
+    relaxer = dvr_cli.Relaxer(mesh.points, {kind: mesh.cells[0].vertices}, max_iterations=3, keep_height=True)
     shift = np.zeros_like(mesh.points)
     shift[mesh.points[:, 0] > 1 - 1e-9, 0] = 0.1
     begins = relaxer.spread(mesh.points, relaxer.displace(mesh.points, mesh.points + shift))

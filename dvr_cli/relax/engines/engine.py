@@ -60,7 +60,7 @@ class Engine(ABC):
             self._standing = self.problem.carriers.standing()
 
     def keep_altitude(self, bound: float) -> None:
-        """Let no move take an element below an altitude of ``bound`` (see ``altitudes``); 0.0 ends the rule."""
+        """Let no move take an element below an altitude of ``bound`` (see ``altitudes``); 0.0 for no rule."""
         self.altitude = bound
 
     @property
@@ -242,7 +242,7 @@ class Engine(ABC):
     def _moved(self, lo: int, hi: int, move: Callable[[], int], limit: float, by_ring: bool) -> int:
         """Move the vertices of the rings lo .. hi, no farther than the altitude rule lets them.
 
-        move: moves them, and returns how many, as this does. limit, by_ring: see ``altitudes.hold_altitudes``.
+        move: moves them, and returns how many, as this does. limit, by_ring: of ``altitudes.hold_altitudes``.
         """
         if lo == hi:
             return 0

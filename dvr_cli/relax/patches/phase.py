@@ -82,9 +82,7 @@ class _State:
     corner, and how many layers are to be freed around it.
     """
 
-    def __init__(
-        self, problem: Problem, points: np.ndarray, level: float | None, altitude: float
-    ) -> None:
+    def __init__(self, problem: Problem, points: np.ndarray, level: float | None, altitude: float) -> None:
         self._touched, self.points = problem.touched, points
         d = problem.dimension
         self.slot = np.full(len(self.points), -1, dtype=np.int32)  # of freed vertices: number in their patch
