@@ -120,7 +120,8 @@ def test_a_patch_alone_is_solved_with_the_same_bits(kind, metric):
         slot = np.full(len(points), -1, dtype=np.int32)
         slot[freed] = np.arange(len(freed))
         rules = table.norm, table.factor, dimension, axis
-        own = Patch(freed, vertices, shapes, slot, *rules, 0.0)
+        bounds = [0.0] * (len(Patch._fields) - 8)  # none
+        own = Patch(freed, vertices, shapes, slot, *rules, *bounds)
         apart, patch = alone(points, own)
         assert len(apart) <= len(points)
         badness = solve_patch(apart, patch)
@@ -132,7 +133,8 @@ def test_a_patch_alone_is_solved_with_the_same_bits(kind, metric):
 
 def test_shares_are_of_like_size():
     sizes = np.random.default_rng(1).integers(20, 400, size=32)
-    patches = [Patch(None, np.empty((size, 4)), *[None] * 7) for size in sizes]
+    empty = Patch._make([None] * len(Patch._fields))
+    patches = [empty._replace(vertices=np.empty((size, 4))) for size in sizes]
     mine = shares(patches, 5)
     assert sorted(number for numbers in mine for number in numbers) == list(range(32))
     work = [sizes[numbers].sum() for numbers in mine]
