@@ -61,9 +61,11 @@ def smooth_distributed(
     piece, given = on_all(comm, lambda: _checked(points, cells, vertex_ids, cell_ids, options))
     whole = gathered(comm, piece)
     arrays = {name: comm.gather(getattr(given, name), LEAD) for name in _BY_ROW}
+    records = comm.gather(given.record(), LEAD)
 
     def led() -> tuple[list[np.ndarray], SmoothReport]:
         assert whole is not None
+        _check_alike(records, arrays)
         chosen = replace(given, **{name: _BY_ROW[name](whole, rows) for name, rows in arrays.items()})
         moved, report = smooth_mesh(whole.mesh, chosen, make=partial(LeadEngine, comm))
         return [moved[place] for place in whole.places], _without_rows(report)
@@ -94,6 +96,17 @@ def _checked(
         if isinstance(rows, np.ndarray) and len(rows) != count:
             raise UsageError(f"{name}: {count} rows are needed on this rank, not {len(rows)}")
     return piece, given
+
+
+def _check_alike(records: list[dict[str, Any]], arrays: dict[str, list[Any]]) -> None:
+    """Raise UsageError unless all ranks gave the same options, and each array on all or none of them."""
+    for name, given in arrays.items():
+        if len({isinstance(rows, np.ndarray) for rows in given}) > 1:
+            raise UsageError(f"{name}: an array on some ranks, and none on others")
+    by_row = {name for name, given in arrays.items() if isinstance(given[0], np.ndarray)}
+    for name in sorted(records[0].keys() - by_row):
+        if any(record[name] != records[0][name] for record in records):
+            raise UsageError(f"{name}: not the same on all ranks")
 
 
 def _joined(rows: list[Any], places: list[np.ndarray], n: int) -> Any:

@@ -15,6 +15,7 @@ from dvr_cli.distributed.job import LEAD
 from dvr_cli.distributed.ranks import on_lead
 from dvr_cli.errors import InputError, UsageError
 from dvr_cli.mesh.cell_types import CELL_TYPES
+from dvr_cli.mesh.domain import check_coordinates
 from dvr_cli.mesh.mesh import Cells, Mesh
 
 _TYPES = list(CELL_TYPES)
@@ -38,14 +39,22 @@ class Piece:
         return sum(len(block.vertices) for block in self.mesh.cells)
 
     def __post_init__(self) -> None:
-        """Raise UsageError unless there is one id, a whole number of its own, for each vertex and cell."""
+        """Raise UsageError or InputError for what would keep the pieces from being put together."""
         _check_ids(self.vertices, len(self.mesh.points), "vertex_ids")
         if self.cells is not None:
             _check_ids(self.cells, self.count, "cell_ids")
+        check_coordinates(self.mesh.points)
         for block in self.mesh.cells:
-            if len(block.vertices) and not 0 <= block.vertices.min() <= block.vertices.max() < len(
-                self.vertices
-            ):
+            rows = block.vertices
+            if block.type not in CELL_TYPES:
+                raise InputError(f"cells of type {block.type!r} are not supported")
+            nodes = CELL_TYPES[block.type].nodes
+            if rows.ndim != 2 or rows.shape[1] != nodes or rows.dtype.kind not in "iu":
+                raise InputError(
+                    f"{block.type} cells given as {rows.dtype} array of shape {rows.shape}; "
+                    f"integers of shape (n, {nodes}) are needed"
+                )
+            if len(rows) and not 0 <= rows.min() <= rows.max() < len(self.vertices):
                 raise InputError(f"a cell ({block.type}) names a vertex that this rank does not have")
 
 

@@ -151,6 +151,12 @@ def errors():
     last = COMM.rank == COMM.size - 1
     fails(UsageError, "vertex_ids: ", points, cells, vertices[: len(vertices) - last], ids)
     fails(UsageError, "an id is there twice", points, cells, vertices * (1 - last), ids)
+    ((kind, rows),) = cells
+    fails(InputError, "not supported", points, [("polygon" if last else kind, rows)], vertices, ids)
+    fails(InputError, "integers of shape", points, [(kind, rows * (0.5 if last else 1))], vertices, ids)
+    fails(InputError, "integers of shape", points, [(kind, rows[:, : 3 - last])], vertices, ids)
+    fails(InputError, "does not have", points, [(kind, rows + 999 * last)], vertices, ids)
+    fails(InputError, "not finite", points * (np.nan if last else 1.0), cells, vertices, ids)
     fails(UsageError, "seed", points, cells, vertices, ids, seed=-1 if last else 0)
     fails(UsageError, "fix", points, cells, vertices, ids, fix="wall")
     fails(UsageError, "names only", points, cells, vertices, ids, directions=points)
@@ -160,6 +166,9 @@ def errors():
     none = [("triangle", np.empty((0, 3), dtype=int))]
     fails(InputError, "no cells", points, none, vertices, ids[:0])
     if COMM.size > 1:
+        fails(UsageError, "seed: not the same", points, cells, vertices, ids, seed=int(last))
+        some = {"regions": ids} if last else {}
+        fails(UsageError, "regions: an array on some", points, cells, vertices, ids, **some)
         fails(InputError, "other coordinates", points + last, cells, vertices, ids)
         fails(InputError, "two ranks", points, cells, vertices, np.arange(len(ids)))
         fails(UsageError, "on all ranks or on none", points, cells, vertices, None if last else ids)
