@@ -10,6 +10,7 @@ import pytest
 
 from dvr_cli.errors import InputError
 from dvr_cli.files.source import Source
+from dvr_cli.mesh.mesh import Mesh
 from sources import cells_of, written
 
 # how many copies a test takes: some in every run, thousands in a long one
@@ -52,15 +53,30 @@ def check_damaged(
             continue
         read_well += 1
         mesh = source.mesh
+        _check_whole(mesh)
         assert written(source, mesh.points.copy()) == data
         with np.errstate(all="ignore"):
             points = mesh.points + 0.25
         again = read(written(source, points)).mesh
         assert np.array_equal(again.points, points if exact else source.stored(points), equal_nan=True)
         assert cells_of(again) == cells_of(mesh)
+        assert again.cell_data.keys() == mesh.cell_data.keys()
+        for name, blocks in mesh.cell_data.items():
+            for old, new in zip(blocks, again.cell_data[name], strict=True):
+                assert np.array_equal(new, old, equal_nan=np.asarray(old).dtype.kind == "f")
     assert read_well > least * count
     assert len(messages) > count // 4
     assert all(len(message) < 300 and message.isprintable() for message in messages)
+
+
+def _check_whole(mesh: Mesh) -> None:
+    """Cells name vertices that are there, and data have a row for each point or cell."""
+    for block in mesh.cells:
+        assert block.vertices.min(initial=0) >= 0
+        assert block.vertices.max(initial=-1) < len(mesh.points)
+    assert all(len(values) == len(mesh.points) for values in mesh.point_data.values())
+    for blocks in mesh.cell_data.values():
+        assert [len(values) for values in blocks] == [len(block.vertices) for block in mesh.cells]
 
 
 def _cut(data: bytes, rng: np.random.Generator) -> bytes:
