@@ -15,7 +15,7 @@ from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.errors import InputError, UsageError
 from dvr_cli.files.gmsh.source import GmshSource, read
 from dvr_cli.files.source import differing
-from dvr_cli.mesh.domain import Domain, domain_of
+from dvr_cli.mesh.domain import Domain
 from dvr_cli.quality.altitudes import smallest_altitudes
 from dvr_cli.quality.mean_ratio import element_qualities
 from dvr_cli.report.records import SmoothReport
@@ -43,7 +43,7 @@ def smooth_model(**options: Any) -> SmoothReport:
         raise UsageError("gmsh: there is no model; call gmsh.initialize() first")
     chosen = SmoothOptions.of(options)
     source = _mesh_of_model(gmsh)
-    domain = domain_of(source.mesh, regions=chosen.region_choice)
+    domain = chosen.domain(source.mesh)
     if domain.mids is not None:
         raise InputError(
             "the model's mesh is of second order; smooth it first, and raise the order afterwards"

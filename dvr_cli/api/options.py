@@ -12,8 +12,10 @@ import numpy as np
 
 from dvr_cli.api.metric import MetricSource
 from dvr_cli.api.selection import Selection
+from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.errors import UsageError
 from dvr_cli.files.arrays import read_directions, read_vertices, whole_numbers
+from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.region_choice import RegionChoice
 from dvr_cli.options import OPTIONS, check_fields, check_names, default
@@ -229,6 +231,10 @@ class SmoothOptions:
 
     def _given(self) -> Sequence[str | np.ndarray]:
         return [self.directions] if isinstance(self.directions, str | np.ndarray) else self.directions
+
+    def domain(self, mesh: Mesh, backend: Backend = NUMPY) -> Domain:
+        """The domain of a mesh that is smoothed with these options; backend: what computes."""
+        return domain_of(mesh, self.straighten, backend, self.region_choice)
 
     def record(self) -> dict[str, Any]:
         """The options as JSON-ready data."""

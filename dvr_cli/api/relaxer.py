@@ -21,7 +21,7 @@ from dvr_cli.api.smoothing import is_worse
 from dvr_cli.boundary.freedom import interior_freedom
 from dvr_cli.errors import InputError, UsageError
 from dvr_cli.mesh.corners import Corners
-from dvr_cli.mesh.domain import Domain, check_coordinates, domain_of
+from dvr_cli.mesh.domain import Domain, check_coordinates
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.options import check_names, default
@@ -116,7 +116,7 @@ class Relaxer:
         self.threads = self.engine_kind.threads(options.threads)
         self._options = options
         self._point_data = mesh.point_data
-        self.domain = domain_of(mesh, options.straighten, self.engine_kind.backend, options.region_choice)
+        self.domain = options.domain(mesh, self.engine_kind.backend)
         if len(self.domain.curved_vertices):
             raise InputError(
                 "curved second-order cells cannot be followed; --straighten takes them as straight"

@@ -18,7 +18,7 @@ from dvr_cli.api.shapes import shaped
 from dvr_cli.api.unfolding import unfold_phase
 from dvr_cli.api.untangling import reference_quality, tangled_left, untangle_phase, untangles
 from dvr_cli.errors import OutputError
-from dvr_cli.mesh.domain import Domain, domain_of
+from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.limits import FAIR, limit_of
 from dvr_cli.quality.measure import Quality, mean_of_elements, measure
@@ -92,7 +92,7 @@ def _smoothed(
     """See ``smooth_mesh``; unfolds: whether what lies folded is unfolded first, None if that does no good."""
     vertices, sweeps = len(mesh.points), options.stopping.max_iterations
     kind = choose_engine(options.engine, vertices, sweeps, options.takes_patches)
-    whole = domain_of(mesh, options.straighten, kind.backend, options.region_choice)
+    whole = options.domain(mesh, kind.backend)
     shapes = shaped(whole, options.shape, options.tensors(mesh))
     domain = shapes.domain
     masks = options.selection.masks(mesh, domain)
