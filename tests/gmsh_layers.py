@@ -36,6 +36,32 @@ def around_aerofoil(height: float = 0.001, quads: bool = True) -> Mesh:
     return _planar(body, height, quads)
 
 
+def behind_step(height: float = 0.002) -> Mesh:
+    """Triangles of a channel behind a step, with layers on its lower wall that meet in the step's corners."""
+    with gmsh_session():
+        occ = gmsh.model.occ
+        channel = occ.addRectangle(-2, -0.5, 0, 6, 1.5)
+        occ.cut([(2, channel)], [(2, occ.addRectangle(-2, -0.5, 0, 2, 0.5))])
+        occ.synchronize()
+        wall = []
+        for _, tag in gmsh.model.getBoundary(gmsh.model.getEntities(2), oriented=False):
+            x0, y0, _, x1, y1, _ = gmsh.model.getBoundingBox(1, tag)
+            if (y0 + y1) / 2 < 0.4 and -1.9 < (x0 + x1) / 2 < 3.9:
+                wall.append(tag)
+        ends = [tag for _, tag in gmsh.model.getBoundary([(1, tag) for tag in wall], False, False)]
+        field = gmsh.model.mesh.field.add("BoundaryLayer")
+        gmsh.model.mesh.field.setNumbers(field, "CurvesList", wall)
+        gmsh.model.mesh.field.setNumbers(field, "PointsList", [t for t in ends if ends.count(t) == 1])
+        for name, value in {"Size": height, "Ratio": 1.3, "Thickness": 30 * height}.items():
+            gmsh.model.mesh.field.setNumber(field, name, value)
+        gmsh.model.mesh.field.setAsBoundaryLayer(field)
+        gmsh.option.setNumber("Mesh.MeshSizeMin", 0.03)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.15)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 40)
+        gmsh.model.mesh.generate(2)
+        return _mesh(2)
+
+
 def extruded(kind: str, height: float = 1 / 300, bump: bool = False) -> Mesh:
     """A box whose floor, flat or with a bump, carries layers of "wedge", "hexahedron" or "tetra" cells."""
     with gmsh_session():

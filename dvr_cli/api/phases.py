@@ -16,6 +16,7 @@ from dvr_cli.api.altitudes import altitude_bound
 from dvr_cli.api.boundary import Moves, change_of
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.mesh.domain import Domain
+from dvr_cli.quality.mean_ratio import mean_quality
 from dvr_cli.relax.care import level_of
 from dvr_cli.relax.directions import DirectionField, restrict_field
 from dvr_cli.relax.engines.engine import Engine
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from dvr_cli.relax.untangle.phase import Untangling
 
 _FLOOR = 0.999  # of Q1, where polishing has one floor for all and nobody gave another
+_NEAR = 0.01  # of Q1, from there the level of care goes no lower for the sake of the mean
 
 
 class Run:
@@ -67,6 +69,7 @@ class Run:
         self.boundary: BoundaryChange | None = None
         self._unpolished: tuple[State, int] | None = None
         self._begin: np.ndarray | None = None
+        self._mean = 0.0  # at that place
         self.level: float | None = (
             options.stopping.target if options.is_free and moves.parts is None else None
         )
@@ -130,6 +133,8 @@ class Run:
             self._engine.load(self.points)
             if self._options.keeps_altitude:
                 self._engine.keep_altitude(altitude_bound(self._domain, self.points, self._rounding))
+            if self._engine.batches:
+                self._mean = mean_quality(self._engine.qualities())
 
     def relax_patches(self) -> None:
         """Move the surroundings of the worst elements jointly."""
@@ -147,6 +152,7 @@ class Run:
     def polish(self, least: float) -> None:
         """Raise the mean quality: the quality vector below the level of care does not decrease.
 
+        Where the mean is then still below that of the start, it goes on with that level lowered towards Q1.
         With a floor in the options, and where vertices walk, Q1 stays above that part of it and above
         ``least``, and that is all.
         """
@@ -162,11 +168,22 @@ class Run:
         hooks = self._on_sweep, self._interrupted
         self._unpolished = self._engine.state(), len(self.sweeps)
         outcome = polish(self._engine, floor, self._remaining(), len(self.sweeps), *hooks, aim=aim)
+        sweeps = len(outcome.sweeps)
+        while aim.by_ring and self._costs_mean(outcome) and floor > (1.0 + _NEAR) * self._engine.q1() > 0.0:
+            self._take_over(outcome)
+            self.level = floor = (floor + self._engine.q1()) / 2.0
+            aim = aim._replace(level=floor)
+            outcome = polish(self._engine, floor, self._remaining(), len(self.sweeps), *hooks, aim=aim)
+            sweeps += len(outcome.sweeps)
         ended = outcome.stopped_because
         reason = ended if ended.cuts_short or not self.phases else self.stopped_because
         self._take_over(outcome)
-        self.phases.append(PolishPhase("polish", len(outcome.sweeps), ended, floor))
+        self.phases.append(PolishPhase("polish", sweeps, ended, floor))
         self.stopped_because = reason
+
+    def _costs_mean(self, outcome: Relaxation) -> bool:
+        """True if a phase that came to its end leaves a lower mean than there was at the beginning."""
+        return not outcome.stopped_because.cuts_short and mean_quality(self._engine.qualities()) < self._mean
 
     @property
     def polished(self) -> bool:

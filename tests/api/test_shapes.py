@@ -102,6 +102,26 @@ def test_layers_keep_their_height_and_direction(name):
     assert at_least(report.after.vector, report.before.vector)
 
 
+def test_the_mean_of_the_others_is_not_paid_for_their_worst(monkeypatch):
+    """Here sweeps and patches cost more than polishing down to the first level of care brings back."""
+    mesh = gmsh_layers.behind_step()
+    points, report = smooth_mesh(mesh, SmoothOptions())
+    kept, plain = report.kept, report.plain
+    assert kept is not None
+    assert plain is not None
+    before, after = (quality.elements[~kept] for quality in plain)
+    assert after.mean() >= before.mean()
+    assert after.min() >= before.min()
+    assert report.after.q1 > report.before.q1 + 0.1
+    for block in mesh.cells:
+        inner = np.unique(block.vertices[kept[: len(block.vertices)]])
+        assert points[inner].tobytes() == mesh.points[inner].tobytes()
+    monkeypatch.setattr("dvr_cli.api.phases.Run._costs_mean", lambda self, outcome: False)
+    _, report = smooth_mesh(mesh, SmoothOptions())
+    assert report.plain is not None
+    assert report.plain[1].elements[~kept].mean() < before.mean()
+
+
 def test_with_ideal_targets_the_first_layer_is_lost():
     """What the default prevents; and the record says which was asked for."""
     name = "cylinder, quads"
