@@ -22,6 +22,8 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic
 
+from dvr_cli.kept import last_change
+
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 # IEEE arithmetic as written: nothing fused or reassociated, division by zero as in NumPy. No entry point for
 # C is made: nothing calls one, and to compile it takes time.
@@ -194,16 +196,5 @@ def forget_outdated(directory: str) -> None:
     """
     with suppress(OSError):
         for index in Path(directory).glob("*.nbi"):
-            if index.stat().st_mtime < _last_change():
+            if index.stat().st_mtime < last_change():
                 index.unlink()
-
-
-@cache
-def _last_change() -> float:
-    """The time of the last change of a source: of this one, or any in the folders with compiled modules."""
-    package = Path(__file__).parent
-    folders = {path.relative_to(package).parts[0] for path in package.rglob("*_numba.py")}
-    sources = [path for folder in folders for path in (package / folder).rglob("*.py")]
-    with suppress(OSError):  # there are none in an archive
-        return max(path.stat().st_mtime for path in [Path(__file__), *sources])
-    return 0.0

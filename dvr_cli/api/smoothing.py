@@ -58,18 +58,19 @@ def smooth_mesh(
     interrupted: Callable[[], bool] = lambda: False,
     means: bool = False,
     make: Callable[[EngineKind, Problem, int | None], Engine] = EngineKind.make,
+    meanwhile: bool = False,
 ) -> tuple[np.ndarray, SmoothReport]:
     """Untangle, if asked for, and relax a Mesh; returns its new points (N, 2|3) and the report.
 
     storage: where the result goes; the points returned and the report's final qualities are those kept there.
     on_sweep, interrupted: see ``sweeps.relax``.
     means: whether the report's sweeps have the mean quality of the elements, too.
-    make: the engine of a kind for a problem, with that many threads.
+    make: the engine of a kind for a problem, with that many threads. meanwhile: see ``choose_engine``.
 
     Raises OutputError if rounding in the storage would make the mesh worse than it was, or lower its smallest
     altitude.
     """
-    how = storage, on_sweep, interrupted, means, make
+    how = storage, on_sweep, interrupted, means, make, meanwhile
     if options.is_free and options.stopping.max_iterations:
         result = _smoothed(mesh, options, *how, unfolds=True)
         if result is not None:
@@ -87,11 +88,13 @@ def _smoothed(
     interrupted: Callable[[], bool],
     means: bool,
     make: Callable[[EngineKind, Problem, int | None], Engine],
+    meanwhile: bool,
     unfolds: bool,
 ) -> tuple[np.ndarray, SmoothReport] | None:
     """See ``smooth_mesh``; unfolds: whether what lies folded is unfolded first, None if that does no good."""
     vertices, sweeps = len(mesh.points), options.stopping.max_iterations
-    kind = choose_engine(options.engine, vertices, sweeps, options.takes_patches)
+    choose = partial(choose_engine, options.engine, vertices, sweeps, options.takes_patches)
+    kind = choose(meanwhile=meanwhile)
     whole = options.domain(mesh, kind.backend)
     shapes = shaped(whole, options.shape, options.tensors(mesh))
     domain = shapes.domain
@@ -102,8 +105,7 @@ def _smoothed(
     moves = moves_of(mesh, domain, options.boundary, selected, options.feature_angle, how_far)
     relaxed = moves.relaxed
     if moves.parts is not None:
-        walking = len(moves.parts.walking)
-        kind = choose_engine(options.engine, vertices, sweeps, options.takes_patches, walking)
+        kind = choose(walking=len(moves.parts.walking), meanwhile=meanwhile)
     # on a surface vertices have little room: measured, polishing first and narrowing directions go farthest
     on_surface = domain.is_surface and options.is_free and options.takes_polish
     entries: list[Entry] = [_ON_SURFACES] if on_surface else options.entries
@@ -190,7 +192,7 @@ def _smoothed(
         left=left,
         level=run.level,
         seconds=seconds,
-        engine=kind.name,
+        engine=kind.name_of(engine),
         threads=engine.threads,
         options=options.record()
         | {"untangle": untangling}

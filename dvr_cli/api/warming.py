@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -13,31 +16,71 @@ from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.relax.engines.choice import KINDS, EngineKind
+from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.problem import Problem
 from dvr_cli.relax.stopping import Stopping
 
+_NICE = 10  # the priority of a process that compiles for another
 _BOXES = 3  # along each edge of the cube
 _TETRAHEDRA = ((0, 1, 3, 7), (0, 3, 2, 7), (0, 2, 6, 7), (0, 6, 4, 7), (0, 4, 5, 7), (0, 5, 1, 7))
 
 
+# A small mesh and options for each sort of meshes whose kernels differ, by what they are for.
+SORTS: dict[str, Callable[[], tuple[Mesh, dict[str, Any]]]] = {
+    "tetrahedra": lambda: (_cube("tetra"), {"order": "natural"}),
+    "metrics": lambda: (_cube("tetra"), {"metric": np.tile(np.diag([1.0, 1.0, 4.0]), (_corners(), 1, 1))}),
+    "stretched cells": lambda: (_stretched(_cube("tetra")), {}),
+    "planar meshes": lambda: (_square(), {}),
+    "cells of other types": lambda: (_cube("hexahedron"), {}),
+    "curved boundaries": lambda: (_ball(_cube("tetra")), {"boundary": "project", "feature_angle": 90.0}),
+}
+_OPTIONS = SmoothOptions(threads=1, stopping=Stopping(max_iterations=2))
+
+
 def warm_up(say: Callable[[str], None]) -> str:
-    """Relax small meshes in all ways that kernels differ in; returns the folder that keeps what was compiled.
+    """Relax small meshes of all sorts; returns the folder that keeps what was compiled.
 
     say: gets what is compiled next. Raises UsageError if numba is missing, or finds no folder to write to.
     """
-    options = SmoothOptions(engine="numba", threads=1, stopping=Stopping(max_iterations=2))
+    options = replace(_OPTIONS, engine="numba")
     folder = _folder()
-    jobs: tuple[tuple[str, Mesh, dict[str, Any]], ...] = (
-        ("sweeps, patches and polishing", _cube("tetra"), {"order": "natural"}),
-        ("metrics", _cube("tetra"), {"metric": np.tile(np.diag([1.0, 1.0, 4.0]), (_corners(), 1, 1))}),
-        ("stretched cells", _stretched(_cube("tetra")), {}),
-        ("planar meshes", _square(), {}),
-        ("cells of other types", _cube("hexahedron"), {}),
-        ("curved boundaries", _ball(_cube("tetra")), {"boundary": "project", "feature_angle": 90.0}),
-    )
-    for name, mesh, more in jobs:
-        say(name)
+    for sort, made in SORTS.items():
+        say(sort)
+        mesh, more = made()
         smooth_mesh(mesh, replace(options, **more))
     return folder
+
+
+def compile_for(sort: str) -> None:
+    """Compile for meshes of a sort in a process of its own, which ends when its stdin is closed.
+
+    First come the kernels of the engine, so that it can take over from NumPy's; then READY is said on stdout,
+    and those follow by which later runs are set up.
+    """
+    from dvr_cli.jit import compile_in_turn
+    from dvr_cli.relax.engines.handover import READY
+
+    Thread(target=_end_with_stdin, daemon=True).start()
+    if hasattr(os, "nice"):
+        os.nice(_NICE)
+    compile_in_turn()
+    mesh, more = SORTS[sort]()
+    more = {name: value for name, value in more.items() if name != "order"}
+
+    def compiled(_: EngineKind, problem: Problem, threads: int | None) -> Engine:
+        return KINDS["numba"].make(problem, threads)
+
+    smooth_mesh(mesh, replace(_OPTIONS, engine="numpy", **more), make=compiled)
+    sys.stdout.buffer.write(READY + b"\n")
+    sys.stdout.buffer.flush()
+    smooth_mesh(mesh, replace(_OPTIONS, engine="numba", **more))
+
+
+def _end_with_stdin() -> None:
+    while os.read(sys.stdin.fileno(), 1):
+        pass
+    os._exit(0)
 
 
 def _folder() -> str:

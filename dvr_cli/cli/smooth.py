@@ -41,4 +41,6 @@ def smooth(
         from dvr_cli.distributed.lead import LeadEngine
 
         work = partial(work, make=partial(LeadEngine, world()))
+    else:
+        work = partial(work, meanwhile=True)
     return run(source, output, work, given)

@@ -86,6 +86,7 @@ def relax(
         active = None if care is None else care.active
         directions = engine.directions(field, len(sweeps), active)
         for batch in range(engine.batches):
+            engine.hand_over()
             moved += engine.move_batch(batch, directions, active, enough)
             if (cut := cut_short(start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
@@ -142,6 +143,7 @@ def polish(
         moved = 0
         active = None if work.below == np.inf else engine.ring_qualities() < work.below
         for batch in range(engine.batches):
+            engine.hand_over()
             moved += engine.polish_batch(batch, engine.mean_ascent(batch, aim, active), limit, aim)
             if (cut := cut_short(start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)

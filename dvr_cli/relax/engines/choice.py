@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
-from pathlib import Path
 
 from dvr_cli.backend import COMPILED, NUMPY, Backend
 from dvr_cli.errors import UsageError
+from dvr_cli.kept import may_be_kept
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import Problem
 
@@ -21,6 +21,21 @@ _REPAYS = 100_000
 _REPAYS_COMPILING = 1_000_000  # the same where the kernels have to be compiled first
 _USUAL_SWEEPS = 20
 _PATCHES = 650  # sweeps of NumPy that patches cost as much as
+# Kernels that runs compile, by folder of ``relax``, some of which set the run up.
+_KERNELS = {
+    ".": (
+        "mesh.rings_numba.rings",
+        "quality.badness_numba.worst_corner",
+        "quality.mean_ratio_numba.corner_terms",
+        "quality.stretching_numba.candidates",
+        "relax.enough_numba.relax_rings",
+        "relax.polish_numba.polish_rings",
+        "relax.polish_numba.mean_directions",
+    ),
+    "patches": ("relax.patches.neighbourhoods_numba.choose", "relax.patches.solver_numba.solve_patch"),
+    "surface": ("relax.surface.walk_numba.walk_directions", "relax.surface.walk_numba.walk_rings"),
+}
+_REPAYS_STARTING = 300_000  # the same where another process compiles them meanwhile
 _WALK = 500  # updates of NumPy that one on a curved boundary or surface costs as much as
 
 
@@ -53,6 +68,10 @@ class EngineKind:
         """The number of threads it uses when ``asked`` are wanted; see ``thread_count``."""
         return thread_count(asked) if self.threaded else 1
 
+    def name_of(self, engine: Engine) -> str:
+        """The name of an engine of this kind in reports: where it hands over, that of who works in the end."""
+        return self.name or engine.backend.name
+
     def make(self, problem: Problem, threads: int | None) -> Engine:
         """The engine for a problem; threads: at most, None for all cores."""
         module, name = self.maker
@@ -69,6 +88,8 @@ KINDS = {
         ),
     )
 }
+# Set up by NumPy, swept by NumPy until another process has compiled the kernels; nobody asks for it by name.
+_HANDOVER = EngineKind("", NUMPY, (_FOLDER + "handover", "HandoverEngine"), package="numba", threaded=True)
 
 
 def has_numba() -> bool:
@@ -77,23 +98,23 @@ def has_numba() -> bool:
 
 
 def _are_compiled(folders: Sequence[str]) -> bool:
-    """False if it is certain that kernels in these folders of ``relax`` have to be compiled first.
-
-    numba keeps its results beside the sources where it can, else in a place of its own.
-    """
-    relax = Path(__file__).parents[1]
-    if "NUMBA_CACHE_DIR" in os.environ or not os.access(relax, os.W_OK):
-        return True
-    return all(any((relax / folder).glob("__pycache__/*.nbi")) for folder in folders)
+    """False if it is certain that kernels in these folders of ``relax`` have to be compiled first."""
+    return all(may_be_kept(kernel) for folder in folders for kernel in _KERNELS[folder])
 
 
 def choose_engine(
-    name: str, vertices: int, max_iterations: int, patches: bool = False, walking: int = 0
+    name: str,
+    vertices: int,
+    max_iterations: int,
+    patches: bool = False,
+    walking: int = 0,
+    meanwhile: bool = False,
 ) -> EngineKind:
     """The engine called ``name``, "auto" being the fastest for the work ahead.
 
     vertices: how many the mesh has. patches: whether patches are to be relaxed as well. walking: how many of
-    the vertices walk on curved boundaries or surfaces. Raises UsageError for an engine that is unknown or not
+    the vertices walk on curved boundaries or surfaces. meanwhile: whether a process of its own may compile
+    what is missing, while NumPy begins. Raises UsageError for an engine that is unknown or not
     installed.
     """
     if name not in ("auto", *KINDS):
@@ -102,10 +123,12 @@ def choose_engine(
         sweeps = min(max_iterations, _USUAL_SWEEPS)
         work = vertices * (sweeps + (_PATCHES if patches else 0)) + walking * sweeps * _WALK
         folders = ["."] + ["patches"] * patches + ["surface"] * (walking > 0)
-        repays = _REPAYS_COMPILING
-        if _are_compiled(folders):
-            repays = 0 if KINDS["numba"].is_loaded else _REPAYS
-        return KINDS["numba" if work > repays and has_numba() else "numpy"]
+        fastest, repays = KINDS["numba"], _REPAYS
+        if not _are_compiled(folders):
+            fastest, repays = (_HANDOVER, _REPAYS_STARTING) if meanwhile else (fastest, _REPAYS_COMPILING)
+        elif fastest.is_loaded:
+            repays = 0
+        return fastest if work > repays and has_numba() else KINDS["numpy"]
     if not KINDS[name].is_installed:
         package = KINDS[name].package
         raise UsageError(f"engine {name}: {package} is not installed (pip install 'dvr-cli[fast]')")

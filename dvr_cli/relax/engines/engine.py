@@ -161,6 +161,13 @@ class Engine(ABC):
         directions[active] = found
         return directions
 
+    def hand_over(self) -> bool:
+        """Let a quicker engine go on if one has become ready; asked between batches.
+
+        If so, ``backend``, ``threads`` and ``coordinates`` are others afterwards.
+        """
+        return False
+
     def move_batch(
         self,
         batch: int,

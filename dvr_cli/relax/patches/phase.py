@@ -67,6 +67,8 @@ def relax_patches(
             reason = StopReason.MAX_ITERATIONS
             break
         round_start = time.perf_counter()
+        if engine.hand_over():
+            state.points, neighbourhoods = engine.coordinates, Neighbourhoods(problem, engine.backend)
         patches = neighbourhoods.choose(state.worst(), state.layers)
         badness = engine.solve_patches(state.points, state.enter(patches), time_is_up)
         moved = state.leave(patches, np.array(badness))

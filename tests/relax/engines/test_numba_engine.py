@@ -1,9 +1,11 @@
 """The compiled engine gives the same bytes as the NumPy engine, on any number of threads."""
 
+import itertools
 import os
 import shutil
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +18,11 @@ from dvr_cli.api import SmoothOptions, smooth_mesh
 from dvr_cli.backend import COMPILED
 from dvr_cli.errors import UsageError
 from dvr_cli.files.reading import open_mesh
+from dvr_cli.kept import may_be_kept
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.directions import direction_field
 from dvr_cli.relax.engines import choice
-from dvr_cli.relax.engines.choice import _are_compiled
 from dvr_cli.relax.engines.numpy_engine import NumpyEngine
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.problem import build_problem
@@ -353,16 +355,29 @@ def test_results_older_than_any_source_they_may_come_from_are_forgotten(tmp_path
     assert index.exists() is not matters
 
 
-def test_kernels_are_compiled_where_results_lie_beside_their_sources(monkeypatch, tmp_path):
+def test_kernels_are_known_to_be_compiled_where_results_are_newer_than_all_sources(monkeypatch, tmp_path):
+    kernel = "relax.patches.solver_numba.solve_patch"
+    kept = f"solver_numba.solve_patch-1.py3{sys.version_info[1]}.nbi"
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    monkeypatch.setattr(choice, "__file__", str(tmp_path / "engines" / "choice.py"))
-    (tmp_path / "patches" / "__pycache__").mkdir(parents=True)
-    assert not _are_compiled(["patches"])
-    (tmp_path / "patches" / "__pycache__" / "solver_numba.solve-1.py311.nbi").touch()
-    assert _are_compiled(["patches"])
-    assert not _are_compiled([".", "patches"])
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert _are_compiled([".", "patches"])
+    monkeypatch.setattr("dvr_cli.kept._PACKAGE", tmp_path)
+    monkeypatch.setattr("dvr_cli.kept.last_change", lambda: 1e9)
+    beside, named = tmp_path / "relax/patches/__pycache__", tmp_path / "named"
+    for folder in (beside, named / "patches_0123"):
+        folder.mkdir(parents=True)
+        assert not may_be_kept(kernel)
+        (folder / kept.replace("solve_patch", "solve")).touch()
+        assert not may_be_kept(kernel)
+        (folder / kept).touch()
+        assert may_be_kept(kernel)
+        os.utime(folder / kept, (1e9 - 1, 1e9 - 1))
+        assert not may_be_kept(kernel)
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(named))
+
+
+def test_all_kernels_that_are_looked_for_are_there():
+    for kernel in itertools.chain(*choice._KERNELS.values()):
+        module, _, function = kernel.rpartition(".")
+        assert hasattr(getattr(import_module(f"dvr_cli.{module}"), function), "stats"), kernel
 
 
 def test_auto_takes_numba_where_it_pays(monkeypatch):
@@ -373,8 +388,12 @@ def test_auto_takes_numba_where_it_pays(monkeypatch):
     monkeypatch.setattr(choice, "_are_compiled", lambda folders: False)
     assert choice.choose_engine("auto", 10_000, 100).name == "numpy"
     assert choice.choose_engine("auto", 10**6, 100).name == "numba"
+    meanwhile = choice.choose_engine("auto", 10**6, 100, meanwhile=True)
+    assert meanwhile.maker[1] == "HandoverEngine"
+    assert choice.choose_engine("auto", 10_000, 100, meanwhile=True) is choice.KINDS["numpy"]
     monkeypatch.setattr(choice, "_are_compiled", lambda folders: True)
     assert choice.choose_engine("auto", 10_000, 100).name == "numba"
+    assert choice.choose_engine("auto", 10_000, 100, meanwhile=True).name == "numba"
     monkeypatch.setitem(sys.modules, numba_engine.__name__, numba_engine)
     assert choice.choose_engine("auto", 100, 100).name == "numba"  # what is loaded costs nothing more
     monkeypatch.setattr(choice, "_are_compiled", lambda folders: False)

@@ -1,0 +1,117 @@
+"""Runs begin with NumPy's engine where kernels have to be compiled, and the compiled one takes over."""
+
+import subprocess
+import time
+
+import numpy as np
+import pytest
+
+from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.warming import SORTS
+from dvr_cli.relax.engines import choice, handover
+from meshes import random_mesh
+from needs import require
+
+require("numba")
+
+
+class Countdown:
+    """Kernels that are compiled when they have been asked for so many times."""
+
+    def __init__(self, left):
+        self.left = left
+
+    @property
+    def is_done(self):
+        self.left -= 1
+        return self.left < 0
+
+
+def smoothed(mesh, monkeypatch, asked, on_sweep=None, **options):
+    """Points and report of a run whose kernels are there after so many batches, and the countdown."""
+    countdown, sorts = Countdown(asked), []
+    monkeypatch.setattr(choice, "_are_compiled", lambda folders: False)
+    monkeypatch.setattr(choice, "_REPAYS_STARTING", 0)
+    monkeypatch.setattr(handover, "compiling", lambda sort: sorts.append(sort) or countdown)
+    hook = None if on_sweep is None else lambda sweep: on_sweep(sweep, countdown)
+    points, report = smooth_mesh(
+        mesh, SmoothOptions(seed=3, threads=2, **options), on_sweep=hook, meanwhile=True
+    )
+    assert set(sorts) <= set(SORTS)
+    return points, report, countdown
+
+
+@pytest.mark.parametrize("kind", ["tetra", "triangle", "hexahedron"])
+def test_it_does_not_matter_when_the_compiled_engine_takes_over(kind, monkeypatch):
+    mesh, many, places = random_mesh(kind, 5, n=4), 10**6, {}
+    expected, alone = smooth_mesh(mesh, SmoothOptions(seed=3, engine="numpy"))
+    assert not np.array_equal(expected, mesh.points)
+
+    def record(sweep, countdown):
+        places.setdefault(sweep.phase, many - countdown.left)
+
+    points, report, countdown = smoothed(mesh, monkeypatch, many, record)
+    assert (report.engine, alone.engine) == ("numpy", "numpy")
+    np.testing.assert_array_equal(points, expected)
+    assert {"descent", "relax", "patches"} <= set(places)  # each asks
+    for asked in (0, 5, *places.values()):
+        points, report, countdown = smoothed(mesh, monkeypatch, asked)
+        assert report.engine == ("numba" if countdown.left < 0 else "numpy")
+        np.testing.assert_array_equal(points, expected)
+        assert [s["q1"] for s in report.sweeps] == [s["q1"] for s in alone.sweeps]
+    assert smoothed(mesh, monkeypatch, 0)[1].threads == 2
+
+
+def test_vertices_that_walk_go_on_from_where_they_are(monkeypatch):
+    mesh, options = SORTS["curved boundaries"]()
+    expected, _ = smooth_mesh(mesh, SmoothOptions(seed=3, engine="numpy", **options))
+    points, report, _ = smoothed(mesh, monkeypatch, 10, **options)
+    assert report.engine == "numba"
+    np.testing.assert_array_equal(points, expected)
+
+
+def test_a_run_goes_on_alone_if_no_process_can_be_started(monkeypatch):
+    def refused(*args, **options):
+        raise OSError("no more processes")
+
+    monkeypatch.setattr(subprocess, "Popen", refused)
+    assert handover.compiling.__wrapped__("tetrahedra") is None
+    monkeypatch.setattr(handover, "compiling", lambda sort: None)
+    monkeypatch.setattr(choice, "_are_compiled", lambda folders: False)
+    monkeypatch.setattr(choice, "_REPAYS_STARTING", 0)
+    mesh = random_mesh("tetra", 5)
+    assert smooth_mesh(mesh, SmoothOptions(), meanwhile=True)[1].engine == "numpy"
+
+
+def until(holds):
+    """Wait for what another process does."""
+    end = time.monotonic() + 60
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    ("said", "is_done"), [("print('ready', flush=True)", True), ("print('Ready')", False), ("1 / 0", False)]
+)
+def test_the_other_process_says_when_it_is_done_and_ends_with_its_pipe(said, is_done, monkeypatch):
+    monkeypatch.setattr(handover, "_COMPILE", f"import sys; {{}}; {{!r}}; {said}; sys.stdin.buffer.read()")
+    compiling = handover.Compiling("tetrahedra")
+    if is_done:
+        until(lambda: compiling.is_done)
+        assert compiling._process.poll() is None
+    compiling._process.stdin.close()
+    compiling._process.wait(60)
+    compiling._listener.join(60)
+    assert compiling.is_done is is_done
+
+
+@pytest.mark.long
+def test_the_process_that_compiles_does_so_and_ends_when_it_is_no_longer_wanted():
+    compiling = handover.Compiling("planar meshes")
+    end = time.monotonic() + 300
+    while not compiling.is_done and time.monotonic() < end:
+        time.sleep(0.1)
+    assert compiling.is_done
+    compiling._process.stdin.close()
+    assert compiling._process.wait(60) == 0
