@@ -26,6 +26,7 @@ LAYERS = [
     "quality",
     "mesh",
     "jit",
+    "kept",
     "backend",
     "options",
     "errors",

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -50,6 +50,13 @@ class Storage(Rounding, Protocol):
         """Keep coordinates in float64 from now on; False if they are already or cannot be."""
 
 
+class _Engines(NamedTuple):
+    """The source of engines: make, meanwhile as in ``smooth_mesh``."""
+
+    make: Callable[[EngineKind, Problem, int | None], Engine]
+    meanwhile: bool
+
+
 def smooth_mesh(
     mesh: Mesh,
     options: SmoothOptions,
@@ -70,7 +77,7 @@ def smooth_mesh(
     Raises OutputError if rounding in the storage would make the mesh worse than it was, or lower its smallest
     altitude.
     """
-    how = storage, on_sweep, interrupted, means, make, meanwhile
+    how = storage, on_sweep, interrupted, means, _Engines(make, meanwhile)
     if options.is_free and options.stopping.max_iterations:
         result = _smoothed(mesh, options, *how, unfolds=True)
         if result is not None:
@@ -87,14 +94,13 @@ def _smoothed(
     on_sweep: Callable[[Sweep], None] | None,
     interrupted: Callable[[], bool],
     means: bool,
-    make: Callable[[EngineKind, Problem, int | None], Engine],
-    meanwhile: bool,
+    engines: _Engines,
     unfolds: bool,
 ) -> tuple[np.ndarray, SmoothReport] | None:
     """See ``smooth_mesh``; unfolds: whether what lies folded is unfolded first, None if that does no good."""
     vertices, sweeps = len(mesh.points), options.stopping.max_iterations
     choose = partial(choose_engine, options.engine, vertices, sweeps, options.takes_patches)
-    kind = choose(meanwhile=meanwhile)
+    kind = choose(meanwhile=engines.meanwhile)
     whole = options.domain(mesh, kind.backend)
     shapes = shaped(whole, options.shape, options.tensors(mesh))
     domain = shapes.domain
@@ -105,7 +111,7 @@ def _smoothed(
     moves = moves_of(mesh, domain, options.boundary, selected, options.feature_angle, how_far)
     relaxed = moves.relaxed
     if moves.parts is not None:
-        kind = choose(walking=len(moves.parts.walking), meanwhile=meanwhile)
+        kind = choose(walking=len(moves.parts.walking), meanwhile=engines.meanwhile)
     # on a surface vertices have little room: measured, polishing first and narrowing directions go farthest
     on_surface = domain.is_surface and options.is_free and options.takes_polish
     entries: list[Entry] = [_ON_SURFACES] if on_surface else options.entries
@@ -119,7 +125,7 @@ def _smoothed(
     rounding = rounding_of(domain, mesh.points, relaxed, storage) if options.keeps_altitude else 0.0
     mean: dict[int, float] = {}
     for share in _SHARES if moves.parts is not None else _SHARES[:1]:
-        engine = make(kind, problem.keeping_within(share * bound), options.threads)
+        engine = engines.make(kind, problem.keeping_within(share * bound), options.threads)
         hook = _record_means(mean, engine, domain, on_sweep) if means else on_sweep
         run, reference = Run(domain, moves, engine, options, hook, interrupted, rounding), before
         if untangling:
