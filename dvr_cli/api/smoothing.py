@@ -112,7 +112,8 @@ def _smoothed(
     relaxed = moves.relaxed
     if moves.parts is not None:
         kind = choose(walking=len(moves.parts.walking), meanwhile=engines.meanwhile)
-    # on a surface vertices have little room: measured, polishing first and narrowing directions go farthest
+    # on a surface vertices have little room: measured, lowering the price first and narrowing directions then
+    # go farthest
     on_surface = domain.is_surface and options.is_free and options.takes_polish
     entries: list[Entry] = [_ON_SURFACES] if on_surface else options.entries
     field = direction_field(entries, domain, mesh.point_data, options.seed, options.center, options.axis)
@@ -132,10 +133,11 @@ def _smoothed(
             run.untangle()
             after = measure(domain, domain.lift(mesh.points, run.points), relaxed)
             reference = reference_quality(after, before)
-        if on_surface:
-            run.polish(reference.q1 or 0.0)
-        if options.takes_descent and moves.parts is None and engine.batches:
+        descends = options.takes_descent and (moves.parts is None or on_surface)
+        if descends and engine.batches:
             run.descend()
+        elif on_surface:
+            run.polish(reference.q1 or 0.0)
         run.relax(field)
         if options.takes_patches:
             run.relax_patches()

@@ -60,7 +60,7 @@ def polish_rings(
         for c in range(n):
             scratch[WEIGHT, c] = weight(scratch[S0, c] * scratch[POWER, c], aim)
         before = _price(scratch, n, d, aim)
-        step = _clip(scratch, n, d, _bottom(scratch, n, d, aim), floor)
+        step = _clip(scratch, n, d, aim.stretch * _bottom(scratch, n, d, aim), floor)
         if step == 0.0:
             continue
         x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2] if d == 3 else 0.0

@@ -124,7 +124,7 @@ def polish(
     done: int = 0,
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
-    aim: Aim = PLAIN,
+    aim: Aim | Callable[[np.ndarray], Aim] = PLAIN,
     work: Work = _POLISHING,
 ) -> Relaxation:
     """Raise the mean quality from where the engine is, with no quality that is above the floor falling below.
@@ -132,19 +132,22 @@ def polish(
     Each vertex moves along the direction in which the price of its ring (see ``polish``) falls fastest, to
     where it is lowest. Stops when the measure of the ``work`` grows by less than ``stopping.tol`` in a sweep,
     and after its max_iterations and time_limit. done: how many sweeps came before. on_sweep, interrupted: see
-    ``relax``. aim: the price, and whether the floor is one for all.
+    ``relax``. aim: the price, and whether the floor is one for all, or what says that in each sweep for the
+    qualities (C,) reached.
     """
     limit, measure = badness_of(floor, engine.problem.dimension), work.measure
     start = time.perf_counter()
-    reached = measure(engine.qualities())
+    qualities = engine.qualities()
+    reached = measure(qualities)
     sweeps: list[Sweep] = []
     while len(sweeps) < stopping.max_iterations:
         sweep_start = time.perf_counter()
         moved = 0
+        now = aim(qualities) if callable(aim) else aim
         active = None if work.below == np.inf else engine.ring_qualities() < work.below
         for batch in range(engine.batches):
             engine.hand_over()
-            moved += engine.polish_batch(batch, engine.mean_ascent(batch, aim, active), limit, aim)
+            moved += engine.polish_batch(batch, engine.mean_ascent(batch, now, active), limit, now)
             if (cut := cut_short(start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
         qualities, before = engine.qualities(), reached

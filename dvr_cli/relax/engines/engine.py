@@ -199,7 +199,7 @@ class Engine(ABC):
         lo, walking, hi = self.problem.parts(batch)
         if lo < walking:
             self._steepest(batch, lo, walking, band, self._all if active is None else active)
-        self._point_ahead(walking, hi, band, active)
+        self._point_ahead(walking, hi, band, PLAIN, active)
         return self._inside(lo, walking)
 
     def mean_ascent(self, batch: int, aim: Aim = PLAIN, active: np.ndarray | None = None) -> np.ndarray:
@@ -211,7 +211,7 @@ class Engine(ABC):
         lo, walking, hi = self.problem.parts(batch)
         if lo < walking:
             self._mean_ascent(batch, lo, walking, aim, self._all if active is None else active)
-        self._point_ahead(walking, hi, -1.0, active)
+        self._point_ahead(walking, hi, -1.0, aim, active)
         return self._inside(lo, walking)
 
     def _inside(self, lo: int, hi: int) -> np.ndarray:
@@ -229,7 +229,8 @@ class Engine(ABC):
         """
         lo, walking, hi = self.problem.parts(batch)
         move = partial(self._relax, batch, lo, walking, directions, enough)
-        return self._moved(lo, walking, move, 0.0, True) + self._walk(walking, hi, directions, False, np.inf)
+        moved = self._moved(lo, walking, move, 0.0, True)
+        return moved + self._walk(walking, hi, directions, False, np.inf, PLAIN)
 
     def polish_batch(self, batch: int, directions: np.ndarray, limit: float, aim: Aim = PLAIN) -> int:
         """Move each vertex of a batch to where the price along its line is lowest above the floor.
@@ -240,7 +241,7 @@ class Engine(ABC):
         lo, walking, hi = self.problem.parts(batch)
         move = partial(self._polish, batch, lo, walking, directions, limit, aim)
         moved = self._moved(lo, walking, move, limit, aim.by_ring)
-        return moved + self._walk(walking, hi, directions, True, limit)
+        return moved + self._walk(walking, hi, directions, True, limit, aim)
 
     def _placed(self, lo: int, hi: int) -> np.ndarray:
         """(hi - lo, d) copy of where the vertices of the rings lo .. hi are."""
@@ -286,7 +287,7 @@ class Engine(ABC):
         with ThreadPoolExecutor(self.threads) as pool:
             return list(pool.map(solved, patches))
 
-    def _walk(self, lo: int, hi: int, directions: np.ndarray, polishing: bool, floor: float) -> int:
+    def _walk(self, lo: int, hi: int, directions: np.ndarray, polishing: bool, floor: float, aim: Aim) -> int:
         """Walk the vertices of the rings lo .. hi; see ``walk.walk_rings``."""
         carriers, standing = self.problem.carriers, self._standing
         if lo == hi or carriers is None or standing is None:
@@ -294,10 +295,8 @@ class Engine(ABC):
         from dvr_cli.relax.surface.walk import Purpose, walk_rings  # only where vertices walk
 
         kernel = self.backend.twin(walk_rings)
-        walk, purpose = (
-            self._walkers(carriers, standing),
-            Purpose(carriers.limit, float(self.altitude), polishing, floor),
-        )
+        walk = self._walkers(carriers, standing)
+        purpose = Purpose(carriers.limit, float(self.altitude), polishing, floor, aim)
 
         def part(a: int, b: int) -> int:
             return kernel(walk, directions, a, b, purpose, self._largest_ring)
@@ -310,7 +309,7 @@ class Engine(ABC):
 
         return Walk(self._get(), self._rows, carriers.ground, carriers.stars, carriers.corners, standing)
 
-    def _point_ahead(self, lo: int, hi: int, band: float, active: np.ndarray | None) -> None:
+    def _point_ahead(self, lo: int, hi: int, band: float, aim: Aim, active: np.ndarray | None) -> None:
         """Set the directions of the vertices of the rings lo .. hi, which walk; see ``walk_directions``."""
         carriers, standing = self.problem.carriers, self._standing
         if lo == hi or carriers is None or standing is None:
@@ -322,7 +321,7 @@ class Engine(ABC):
         visited = self._all if active is None else active
 
         def part(a: int, b: int) -> None:
-            kernel(walk, self._directions, a, b, band, visited, self._largest_ring)
+            kernel(walk, self._directions, a, b, band, aim, visited, self._largest_ring)
 
         self._in_parts(part, lo, hi)
 

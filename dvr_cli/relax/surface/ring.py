@@ -18,12 +18,13 @@ from dvr_cli.mesh.simplex import opposite_normal
 from dvr_cli.quality.badness import badness
 from dvr_cli.relax import line, polish
 from dvr_cli.relax.line import Lines, coefficients, maximise_minimum
+from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.problem import RingArrays
 from dvr_cli.relax.steepest import _shortest_in_hull, gradient
 
 # Rows of the scratch array, a column for each corner of a ring, as in ``columns_numba``.
 END, NORMAL, V0, V1, S0, S1, S2, BADNESS = 0, 9, 12, 13, 14, 15, 16, 17
-GRADIENT, ROWS = 18, 21
+GRADIENT, WEIGHT, ROWS = 18, 21, 22
 
 
 _Arrays = TypeVar("_Arrays")
@@ -99,11 +100,21 @@ def best_step(scratch: np.ndarray, n: int, d: int) -> tuple[float, float]:
     return float(step[0]), float(before[0])
 
 
-def lowest_step(scratch: np.ndarray, n: int, d: int, limit: float) -> tuple[float, float]:
-    """The λ where the sum of 1/Q is lowest, and that sum at λ = 0; see ``polish.lowest_price``."""
-    real = np.ones((n, 1), dtype=bool)
-    step, now, _, _ = polish.lowest_price(_lines(scratch, n, d), real, limit, polish.PLAIN)
-    return float(step[0]), float(now[0])
+def lowest_step(
+    scratch: np.ndarray, n: int, d: int, limit: float, aim: Aim, begins: bool
+) -> tuple[float, float, float]:
+    """The λ where the price is lowest, the price at λ = 0, the badness at the floor.
+
+    begins: whether a walk begins here; if so its weights are put into their row, else those there count, and
+    so does the ``limit`` as that badness. See ``polish.lowest_price``.
+    """
+    real, weights = np.ones((n, 1), dtype=bool), None
+    if not begins:
+        aim, weights = aim._replace(by_ring=False), scratch[WEIGHT, :n, None]
+    lines = _lines(scratch, n, d)
+    step, now, weights, floor = polish.lowest_price(lines, real, limit, aim, weights)
+    scratch[WEIGHT, :n] = weights[:, 0]
+    return float(step[0]), float(now[0]), float(floor[0])
 
 
 def worst_of(scratch: np.ndarray, n: int, d: int) -> int:
@@ -112,16 +123,16 @@ def worst_of(scratch: np.ndarray, n: int, d: int) -> int:
     return int(scratch[BADNESS, :n].argmax())
 
 
-def sum_of(scratch: np.ndarray, n: int, d: int) -> float:
-    """The sum of 1/Q at λ = 0; without meaning unless all corners are positive."""
-    v, s = scratch[V0, :n, None], scratch[S0, :n, None]
-    return float(polish.price(v, s, np.ones((n, 1), dtype=bool), np.ones((n, 1)), polish.PLAIN, d)[0])
+def price_of(scratch: np.ndarray, n: int, d: int, aim: Aim) -> float:
+    """The price at λ = 0, with the weights in their row; without meaning unless all corners are positive."""
+    v, s, weights = scratch[V0, :n, None], scratch[S0, :n, None], scratch[WEIGHT, :n, None]
+    return float(polish.price(v, s, np.ones((n, 1), dtype=bool), weights, aim, d)[0])
 
 
-def set_inverses(scratch: np.ndarray, n: int, d: int) -> None:
-    """Put 1/Q of all corners, which are positive, into the row of their badness."""
+def set_shares(scratch: np.ndarray, n: int, d: int, aim: Aim) -> None:
+    """Put the shares of all corners, which are positive, in the price's slope into their badness' row."""
     v, s = scratch[V0, :n], scratch[S0, :n]
-    scratch[BADNESS, :n] = s * (1.0 / v if d == 2 else polish.inverse_power(v))
+    scratch[BADNESS, :n] = polish.share(s * (1.0 / v if d == 2 else polish.inverse_power(v)), aim)
 
 
 def improves(before: float, after: float, d: int) -> bool:

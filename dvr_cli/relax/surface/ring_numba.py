@@ -25,7 +25,7 @@ from dvr_cli.relax.columns_numba import (
 )
 from dvr_cli.relax.line_numba import improves, maximise_minimum, worst_corner
 from dvr_cli.relax.polish import Aim
-from dvr_cli.relax.polish_numba import _bottom, _clip, _keeps, _price, _set_powers
+from dvr_cli.relax.polish_numba import _bottom, _clip, _keeps, _price, _set_powers, rise, weight
 from dvr_cli.relax.steepest_numba import _shortest_in_hull, gradient
 
 # what kernels of walks take over: rows of the scratch array, and functions of other kernels
@@ -34,6 +34,7 @@ TAKEN = improves, bare
 set_lines = set_ring
 best_step = maximise_minimum
 keeps = _keeps
+price_of = _price
 hull_direction = _shortest_in_hull
 
 
@@ -52,18 +53,20 @@ def set_gradient(
 
 
 @inlined
-def lowest_step(scratch: np.ndarray, n: int, d: int, limit: float) -> tuple[float, float]:
-    if scratch[BADNESS, worst_of(scratch, n, d)] == np.inf:
-        return 0.0, 0.0
-    before = sum_of(scratch, n, d)
-    return _clip(scratch, n, d, _bottom(scratch, n, d, Aim(0.0, False, False)), limit), before
-
-
-@inlined
-def sum_of(scratch: np.ndarray, n: int, d: int) -> float:
-    for c in range(n):
-        scratch[WEIGHT, c] = 1.0
-    return _price(scratch, n, d, Aim(0.0, False, False))
+def lowest_step(
+    scratch: np.ndarray, n: int, d: int, limit: float, aim: Aim, begins: bool
+) -> tuple[float, float, float]:
+    largest = scratch[BADNESS, worst_of(scratch, n, d)]
+    if largest == np.inf:
+        return 0.0, 0.0, limit
+    if begins:
+        _set_powers(scratch, n, d, 0.0)
+        for c in range(n):
+            scratch[WEIGHT, c] = weight(scratch[S0, c] * scratch[POWER, c], aim)
+        if aim.by_ring:
+            limit = max(largest, limit)
+    before = _price(scratch, n, d, aim)
+    return _clip(scratch, n, d, aim.stretch * _bottom(scratch, n, d, aim), limit), before, limit
 
 
 @inlined
@@ -72,7 +75,8 @@ def worst_of(scratch: np.ndarray, n: int, d: int) -> int:
 
 
 @inlined
-def set_inverses(scratch: np.ndarray, n: int, d: int) -> None:
+def set_shares(scratch: np.ndarray, n: int, d: int, aim: Aim) -> None:
     _set_powers(scratch, n, d, 0.0)
     for c in range(n):
-        scratch[BADNESS, c] = scratch[S0, c] * scratch[POWER, c]
+        inverse = scratch[S0, c] * scratch[POWER, c]
+        scratch[BADNESS, c] = inverse * (weight(inverse, aim) + rise(inverse, aim))

@@ -7,10 +7,10 @@ of the input it goes round, facet by facet, to the one whose wedge has the direc
 surface by construction, cannot jump through a thin wall, and needs no nearest point. On curves the same holds
 in one dimension.
 
-At the end the ring is evaluated again: the vertex stays there if its minimum quality has grown (or the sum of
-1/Q has fallen, above the floor), no triangle of a surface has turned over against the facets its vertices
-stand on, no altitude is below the bound, and the mesh is nowhere farther from the input than the limit. Else
-the walk is tried again, shorter.
+At the end the ring is evaluated again: the vertex stays there if its minimum quality has grown (or its price
+has fallen, above the floor), no triangle of a surface has turned over against the facets its vertices stand
+on, no altitude is below the bound, and the mesh is nowhere farther from the input than the limit. Else the
+walk is tried again, shorter.
 
 These are kernels, written for one vertex at a time over the functions of ``ring``; ``walk_numba`` has them
 compiled over those of ``ring_numba``, so both do the same operations in the same order. Records are taken out
@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.problem import RingArrays
 from dvr_cli.relax.surface.carriers import CURVE, SURFACE, Ground, RingCorners, Standing, Stars
 from dvr_cli.relax.surface.overlay import look, take_over
@@ -44,10 +45,10 @@ from dvr_cli.relax.surface.ring import (
     keeps,
     lowest_step,
     new_scratch,
+    price_of,
     set_gradient,
-    set_inverses,
     set_lines,
-    sum_of,
+    set_shares,
     worst_of,
 )
 
@@ -77,14 +78,15 @@ class Purpose(NamedTuple):
     """The purpose of a walk, and the rules it keeps to.
 
     limit: how far the mesh may come from the input. altitude: that below which no walk takes an element, 0.0
-        for no such rule. polishing: whether to lower the sum of 1/Q, with no
-        badness above ``floor``, instead of raising the minimum.
+        for no such rule. polishing: whether to lower the price that ``aim`` says (see ``polish``), with no
+        badness above that at the ``floor``, instead of raising the minimum.
     """
 
     limit: float
     altitude: float
     polishing: bool
     floor: float
+    aim: Aim
 
 
 def walk_rings(
@@ -110,14 +112,15 @@ def walk_directions(
     start: int,
     stop: int,
     band: float,
+    aim: Aim,
     active: np.ndarray,
     largest_ring: int,
 ) -> None:
     """Set the rows start .. stop of ``directions`` (m, d) to those of ascent, along the carriers.
 
     band: that of nearly worst corners, see ``steepest.Ascent``; if it is negative the directions are those
-    along which the sum of 1/Q falls fastest. active: (m,) bool, the rings that are asked about. Rows of
-    others and of vertices that do not walk become zero.
+    along which the price falls fastest that ``aim`` says. active: (m,) bool, the rings that are asked about.
+    Rows of others and of vertices that do not walk become zero.
     """
     walk, directions, active = bare(walk), bare(directions), bare(active)
     points, rings, ground, standing = walk.points, walk.rings, walk.ground, walk.standing
@@ -136,7 +139,7 @@ def walk_directions(
         largest = scratch[BADNESS, worst]
         if band < 0.0:
             if largest < np.inf:
-                set_inverses(scratch, n, d)
+                set_shares(scratch, n, d, aim)
                 _mean_direction(points, directions, ring, n, rings, ground, standing, scratch)
             continue
         count, initial = 0, -1
@@ -161,17 +164,17 @@ def _mean_direction(
     standing: Standing,
     scratch: np.ndarray,
 ) -> None:
-    """Set a row of ``directions`` to that of fastest fall of the sum of 1/Q, which stands in the scratch."""
+    """Set a row of ``directions`` to that of fastest fall of the price, whose shares stand in the scratch."""
     vertex, components = rings.vertices[ring], points.shape[1]
     total = n - 1  # the column of the sum
     t0 = t1 = t2 = 0.0
     for c in range(n):
         _gradient(points, ring, c, True, rings, scratch, total)
-        inverse = scratch[BADNESS, c]
-        t0 = t0 + inverse * scratch[GRADIENT, total]
-        t1 = t1 + inverse * scratch[GRADIENT + 1, total]
+        share = scratch[BADNESS, c]
+        t0 = t0 + share * scratch[GRADIENT, total]
+        t1 = t1 + share * scratch[GRADIENT + 1, total]
         if components == 3:
-            t2 = t2 + inverse * scratch[GRADIENT + 2, total]
+            t2 = t2 + share * scratch[GRADIENT + 2, total]
     scratch[GRADIENT, total], scratch[GRADIENT + 1, total], scratch[GRADIENT + 2, total] = t0, t1, t2
     _onto_carrier(vertex, total, components, ground, standing, scratch)
     square = _square(scratch, total, components)
@@ -244,7 +247,7 @@ def _walk_one(walk: Walk, directions: np.ndarray, ring: int, purpose: Purpose, s
     x2 = points[vertex, 2] if points.shape[1] == 3 else 0.0
     limit, longest = purpose.limit, np.inf
     for _ in range(_TRIES):
-        walked, before = _walk(walk, directions, ring, longest, purpose, scratch)
+        walked, before, floor = _walk(walk, directions, ring, longest, purpose, scratch)
         if walked == 0.0:
             _put(points, vertex, x0, x1, x2)
             standing.at[vertex], standing.u[vertex], standing.w[vertex] = at, u, w
@@ -252,7 +255,7 @@ def _walk_one(walk: Walk, directions: np.ndarray, ring: int, purpose: Purpose, s
         n = _lines(walk, ring, _STILL, False, scratch)
         largest = scratch[BADNESS, worst_of(scratch, n, d)]
         if purpose.polishing:
-            better = keeps(before, sum_of(scratch, n, d), largest, purpose.floor, d)
+            better = keeps(before, price_of(scratch, n, d, purpose.aim), largest, floor, d)
         else:
             better = improves(before, largest, d)
         if purpose.altitude > 0.0:
@@ -307,10 +310,10 @@ def _area(a0: float, a1: float, a2: float, b0: float, b1: float, b2: float) -> f
 
 def _walk(
     walk: Walk, directions: np.ndarray, ring: int, longest: float, purpose: Purpose, scratch: np.ndarray
-) -> tuple[float, float]:
+) -> tuple[float, float, float]:
     """Walk a vertex along its direction to the best place, not farther than ``longest``.
 
-    Returns how far it went, and the largest badness or sum of 1/Q at the beginning.
+    Returns how far it went, the largest badness or the price at the beginning, and the badness at its floor.
     """
     points, rings, ground, standing = walk.points, walk.rings, walk.ground, walk.standing
     vertex, d = rings.vertices[ring], rings.others.shape[1]
@@ -318,8 +321,8 @@ def _walk(
     d2 = directions[ring, 2] if points.shape[1] == 3 else 0.0
     d0, d1, d2 = _along_carrier(vertex, d0, d1, d2, ground, standing)
     if d0 == 0.0 and d1 == 0.0 and d2 == 0.0:
-        return 0.0, 0.0
-    walked, before, came = 0.0, 0.0, -1
+        return 0.0, 0.0, 0.0
+    walked, before, floor, came = 0.0, 0.0, purpose.floor, -1
     for crossing in range(_CROSSINGS):
         step = np.inf
         way, out = 0.0, -1
@@ -328,11 +331,12 @@ def _walk(
         if crossing == 0 or way > 0.0:
             n = _lines(walk, ring, (d0, d1, d2), True, scratch)
             if purpose.polishing:
-                step, now = lowest_step(scratch, n, d, purpose.floor)
+                step, now, highest = lowest_step(scratch, n, d, floor, purpose.aim, crossing == 0)
             else:
                 step, now = best_step(scratch, n, d)
+                highest = floor
             if crossing == 0:
-                before = now
+                before, floor = now, highest
                 if step < 0.0:
                     d0, d1, d2, step = -d0, -d1, -d2, -step
                 way, out = _way_out(vertex, d0, d1, d2, came, ground, standing)
@@ -349,7 +353,7 @@ def _walk(
         d0, d1, d2, came = _cross(vertex, d0, d1, d2, out, ground, standing)
         if came < 0:
             break
-    return walked, before
+    return walked, before, floor
 
 
 def _along_carrier(

@@ -19,6 +19,7 @@ from dvr_cli.quality.vector import at_least, ring_minima
 from dvr_cli.relax.directions import random_field
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.engines.numpy_engine import NumpyEngine
+from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.steepest import NARROWING, OPTIMAL, STEEPEST
 
@@ -232,3 +233,20 @@ def test_only_active_rings_are_moved(ascent):
     allowed = engine.problem.order[engine.problem.rings.vertices[active]]
     assert len(moved)
     assert np.isin(moved, allowed).all()
+
+
+@pytest.mark.parametrize("aim", [Aim(), Aim(0.6), Aim(0.6, stretch=1.7), Aim(0.6, by_ring=True, stretch=1.7)])
+def test_the_price_falls_with_each_batch_and_the_floor_holds(aim):
+    engine, domain = walkers(scanned(6), 0.05)
+    inverse = 1.0 / corner_qualities(engine.points, domain.corners)
+    floor = 0.999 / inverse.max()
+    before, began = (inverse + inverse * (aim.level * inverse) ** 16 / 17).sum(), inverse.sum()
+    for batch in range(engine.batches):
+        engine.polish_batch(batch, engine.mean_ascent(batch, aim), badness_of(floor, 2), aim)
+        inverse = 1.0 / corner_qualities(engine.points, domain.corners)
+        after = (inverse + inverse * (aim.level * inverse) ** 16 / 17).sum()
+        assert after <= before
+        assert inverse.min() >= 1.0
+        assert 1.0 / inverse.max() >= floor
+        before = after
+    assert inverse.sum() < began
