@@ -191,30 +191,49 @@ def _stretching(points: np.ndarray, corners: Corners, wanted: np.ndarray) -> np.
         vertices = corners.vertices[here]
         edges = points[vertices[:, 1:]] - points[vertices[:, :1]]  # Eᵀ
         a = np.einsum("nji,njk->nik", edges, inverse[corners.shapes[here, 0]])
-        if space == corners.dimension:  # faster than singular values
-            size, vector = np.linalg.eigh(np.einsum("nik,njk->nij", a, a))
-            log = -np.log(np.maximum(size, 1e-300))
+        if space == 2:
+            tensor = _stretching_2d(np.einsum("nik,njk->nij", a, a))
         else:
-            vector, size, _ = np.linalg.svd(a, full_matrices=False)
-            log = -2.0 * np.log(np.maximum(size, 1e-150))
-        log -= log.mean(axis=1, keepdims=True)
-        tensor = np.einsum("nia,na,nja->nij", vector, log, vector)
+            if corners.dimension == 3:  # faster than singular values
+                size, vector = np.linalg.eigh(np.einsum("nik,njk->nij", a, a))
+                log = -np.log(np.maximum(size, 1e-300))
+            else:
+                vector, size, _ = np.linalg.svd(a, full_matrices=False)
+                log = -2.0 * np.log(np.maximum(size, 1e-150))
+            log -= log.mean(axis=1, keepdims=True)
+            tensor = np.einsum("nia,na,nja->nij", vector, log, vector)
         result[here, :space] = np.einsum("nii->ni", tensor)
         result[here, space:] = tensor[:, j, k]
     return result
 
 
+def _stretching_2d(square: np.ndarray) -> np.ndarray:
+    """(n, 2, 2) L = -dev ln S of symmetric positive S (n, 2, 2), without eigenvectors.
+
+    Scaled to a trace of 2, S has the eigenvalues 1 ± r, and dev S has ± r along the same axes, so that
+    L = -dev S / r · ln((1 + r) / √det S).
+    """
+    scaled = square * (2.0 / (square[:, 0, 0] + square[:, 1, 1]))[:, None, None]
+    across, along = scaled[:, 0, 1], (scaled[:, 0, 0] - scaled[:, 1, 1]) / 2.0
+    radius = np.hypot(along, across)
+    determinant = scaled[:, 0, 0] * scaled[:, 1, 1] - across * across
+    log = np.log((1.0 + radius) / np.sqrt(np.maximum(determinant, 1e-300)))
+    share = np.divide(-log, radius, out=np.zeros_like(log), where=radius > 0.0)
+    return np.stack([along * share, across * share, across * share, -along * share], axis=1).reshape(-1, 2, 2)
+
+
 def _log_aspect(stretching: np.ndarray) -> np.ndarray:
     """(n,) ln α of tensors given as by ``_stretching``."""
     n = len(stretching)
-    space = 2 if stretching.shape[1] == 3 else 3
-    j, k = np.triu_indices(space, 1)
+    if stretching.shape[1] == 3:
+        return np.hypot((stretching[:, 0] - stretching[:, 1]) / 2.0, stretching[:, 2])
+    j, k = np.triu_indices(3, 1)
     result = np.empty(n)
     for chunk in chunks(n):
         part = stretching[chunk]
-        tensor = np.zeros((len(part), space, space))
-        tensor[:, range(space), range(space)] = part[:, :space]
-        tensor[:, j, k] = tensor[:, k, j] = part[:, space:]
+        tensor = np.zeros((len(part), 3, 3))
+        tensor[:, range(3), range(3)] = part[:, :3]
+        tensor[:, j, k] = tensor[:, k, j] = part[:, 3:]
         value = np.linalg.eigvalsh(tensor)
         result[chunk] = (value[:, -1] - value[:, 0]) / 2.0
     return result

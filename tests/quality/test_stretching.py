@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.linalg import logm
 
 from dvr_cli.backend import COMPILED
 from dvr_cli.mesh.domain import domain_of
@@ -49,6 +50,24 @@ def layered(kind: str, height: float, n: int = 13) -> Mesh:
     even = 1.0 / (n - 1)
     heights = np.minimum(height * 1.5 ** np.arange(n - 1), even)
     return grid(kind, np.concatenate([[0.0], np.cumsum(heights)]))
+
+
+@pytest.mark.parametrize("kind", ["triangle", "tetra"])
+def test_stretching_is_that_of_its_definition(kind):
+    """L = -dev ln(A Aᵀ) by SciPy's matrix logarithm, A the map from a regular simplex."""
+    mesh = random_mesh(kind, 4)
+    domain = domain_of(mesh)
+    d = domain.dimension
+    regular = np.array([[1, 0, 0], [0.5, 0.75**0.5, 0], [0.5, 0.75**0.5 / 3, (2 / 3) ** 0.5]])[:d, :d]
+    rows = stretching._stretching(domain.points, domain.corners, np.ones(len(domain.corners.vertices), bool))
+    upper = np.triu_indices(d, 1)
+    for vertices, row in zip(domain.corners.vertices, rows, strict=True):
+        a = np.linalg.solve(regular, domain.points[vertices[1:]] - domain.points[vertices[0]]).T
+        full = -logm(a @ a.T)
+        full -= np.trace(full) / d * np.eye(d)
+        np.testing.assert_allclose(row, [*np.diag(full), *full[upper]], atol=1e-9)
+        aspect = np.ptp(np.linalg.eigvalsh(full)) / 2
+        assert stretching._log_aspect(row[None])[0] == pytest.approx(aspect, abs=1e-9)
 
 
 @pytest.mark.parametrize("kind", KINDS)
