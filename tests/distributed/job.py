@@ -43,6 +43,7 @@ if fault == ["interrupted"]:
     Progress.sweep, Member._moved = interrupted, interrupted_member
 LIMIT = resource.getrlimit(resource.RLIMIT_FSIZE)
 if fault == ["a full disk"] and RANK == 0:
+    sys.dont_write_bytecode = True  # Python would keep modules cut off for all later runs
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, LIMIT[1]))
 ends = [main(command) for command in json.loads(Path(commands).read_text())]
 if RANK == 0:
