@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import dvr_cli
+import dvr_cli.api.options as options_module
 import dvr_cli.api.relaxer as relaxer_module
 from dvr_cli.errors import InputError, UsageError
 from dvr_cli.mesh.domain import domain_of
@@ -151,7 +152,7 @@ def test_nothing_is_set_up_again(monkeypatch):
 
         monkeypatch.setattr(owner, name, call)
 
-    counted(relaxer_module, "domain_of")
+    counted(options_module, "domain_of")
     counted(relaxer_module, "build_problem")
     counted(EngineKind, "make")
     relaxer = dvr_cli.Relaxer(mesh.points, pairs(mesh), max_iterations=2)

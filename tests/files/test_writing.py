@@ -78,6 +78,7 @@ def test_a_failure_while_writing_leaves_what_was_there(tmp_path, error, exists):
 LIMITED = """
 import resource, signal, sys
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # then writing fails as on a full disk
+sys.dont_write_bytecode = True  # Python would keep modules cut off for all later runs
 resource.setrlimit(resource.RLIMIT_FSIZE, (200, 200))
 from dvr_cli.cli.main import main
 sys.exit(main(sys.argv[1:]))
