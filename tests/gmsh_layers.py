@@ -49,17 +49,8 @@ def behind_step(height: float = 0.002) -> Mesh:
             if (y0 + y1) / 2 < 0.4 and -1.9 < (x0 + x1) / 2 < 3.9:
                 wall.append(tag)
         ends = [tag for _, tag in gmsh.model.getBoundary([(1, tag) for tag in wall], False, False)]
-        field = gmsh.model.mesh.field.add("BoundaryLayer")
-        gmsh.model.mesh.field.setNumbers(field, "CurvesList", wall)
-        gmsh.model.mesh.field.setNumbers(field, "PointsList", [t for t in ends if ends.count(t) == 1])
-        for name, value in {"Size": height, "Ratio": 1.3, "Thickness": 30 * height}.items():
-            gmsh.model.mesh.field.setNumber(field, name, value)
-        gmsh.model.mesh.field.setAsBoundaryLayer(field)
-        gmsh.option.setNumber("Mesh.MeshSizeMin", 0.03)
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.15)
-        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 40)
-        gmsh.model.mesh.generate(2)
-        return _mesh(2)
+        points = {"PointsList": [tag for tag in ends if ends.count(tag) == 1]}
+        return _with_layer(wall, height, points, (0.03, 0.15))
 
 
 def extruded(kind: str, height: float = 1 / 300, bump: bool = False) -> Mesh:
@@ -101,20 +92,32 @@ def _planar(body: Callable[[], list[int]], height: float, quads: bool) -> Mesh:
         wall = [
             tag for _, tag in boundary if max(abs(v) for v in gmsh.model.occ.getBoundingBox(1, tag)[:5]) < 1.5
         ]
-        field = gmsh.model.mesh.field.add("BoundaryLayer")
-        gmsh.model.mesh.field.setNumbers(field, "CurvesList", wall)
-        gmsh.model.mesh.field.setNumber(field, "Size", height)
-        gmsh.model.mesh.field.setNumber(field, "Ratio", 1.3)
-        gmsh.model.mesh.field.setNumber(field, "Thickness", 30 * height)
-        gmsh.model.mesh.field.setNumber(field, "Quads", int(quads))
-        points = {tag for _, tag in gmsh.model.getBoundary([(1, t) for t in wall], False, False)}
-        gmsh.model.mesh.field.setNumbers(field, "FanPointsList", sorted(points) if len(points) > 1 else [])
-        gmsh.model.mesh.field.setAsBoundaryLayer(field)
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.25)
-        gmsh.option.setNumber("Mesh.MeshSizeMin", 0.05)
-        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 40)
-        gmsh.model.mesh.generate(2)
-        return _mesh(2)
+        ends = {tag for _, tag in gmsh.model.getBoundary([(1, t) for t in wall], False, False)}
+        points = {"FanPointsList": sorted(ends) if len(ends) > 1 else []}
+        return _with_layer(wall, height, points, (0.05, 0.25), quads)
+
+
+def _with_layer(
+    wall: list[int],
+    height: float,
+    points: dict[str, list[int]],
+    sizes: tuple[float, float],
+    quads: bool = False,
+) -> Mesh:
+    """The planar mesh with layers on the curves ``wall``; points: lists of the layers' field."""
+    field, of_field = gmsh.model.mesh.field.add("BoundaryLayer"), gmsh.model.mesh.field
+    of_field.setNumbers(field, "CurvesList", wall)
+    numbers = {"Size": height, "Ratio": 1.3, "Thickness": 30 * height, "Quads": int(quads)}
+    for name, value in numbers.items():
+        of_field.setNumber(field, name, value)
+    for name, tags in points.items():
+        of_field.setNumbers(field, name, tags)
+    of_field.setAsBoundaryLayer(field)
+    for name, size in zip(("Min", "Max"), sizes, strict=True):
+        gmsh.option.setNumber(f"Mesh.MeshSize{name}", size)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 40)
+    gmsh.model.mesh.generate(2)
+    return _mesh(2)
 
 
 def _mesh(dimension: int) -> Mesh:

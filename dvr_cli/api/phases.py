@@ -133,7 +133,7 @@ class Run:
             self._engine.load(self.points)
             if self._options.keeps_altitude:
                 self._engine.keep_altitude(altitude_bound(self._domain, self.points, self._rounding))
-            if self._engine.batches:
+            if self._options.takes_polish and self._engine.batches:
                 self._mean = mean_quality(self._engine.qualities())
 
     def relax_patches(self) -> None:
@@ -167,14 +167,18 @@ class Run:
             aim, floor, self.level = Aim(self._dear or level, relative=True, by_ring=True), level, level
         hooks = self._on_sweep, self._interrupted
         self._unpolished = self._engine.state(), len(self.sweeps)
-        outcome = polish(self._engine, floor, self._remaining(), len(self.sweeps), *hooks, aim=aim)
-        sweeps = len(outcome.sweeps)
-        while aim.by_ring and self._costs_mean(outcome) and floor > (1.0 + _NEAR) * self._engine.q1() > 0.0:
-            self._take_over(outcome)
-            self.level = floor = (floor + self._engine.q1()) / 2.0
-            aim = aim._replace(level=floor)
+        sweeps = 0
+        while True:
             outcome = polish(self._engine, floor, self._remaining(), len(self.sweeps), *hooks, aim=aim)
             sweeps += len(outcome.sweeps)
+            if not (aim.by_ring and self._costs_mean(outcome)):
+                break
+            q1 = self._engine.q1()
+            if not floor > (1.0 + _NEAR) * q1 > 0.0:
+                break
+            self._take_over(outcome)
+            self.level = floor = (floor + q1) / 2.0
+            aim = aim._replace(level=floor)
         ended = outcome.stopped_because
         reason = ended if ended.cuts_short or not self.phases else self.stopped_because
         self._take_over(outcome)

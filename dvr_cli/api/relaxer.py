@@ -252,10 +252,11 @@ class Relaxer:
         if not interior.any():
             return points.copy(), RelaxReport(None, None, 0, [], StopReason.NOTHING_TO_RELAX)
         engine.load(domain.points)
-        rounding = rounding_of(domain, points, freedom.relaxed, None)
-        engine.keep_altitude(
-            altitude_bound(domain, domain.points, rounding) if options.keeps_altitude else 0.0
-        )
+        bound = 0.0
+        if options.keeps_altitude:
+            rounding = rounding_of(domain, points, freedom.relaxed, None)
+            bound = altitude_bound(domain, domain.points, rounding)
+        engine.keep_altitude(bound)
         q1_before = engine.q1()
         outcome = relax(
             engine, domain.points, restrict_field(field, freedom), options.stopping, on_sweep, interrupted

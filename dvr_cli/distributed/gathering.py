@@ -15,7 +15,7 @@ from dvr_cli.distributed.job import LEAD
 from dvr_cli.distributed.ranks import on_lead
 from dvr_cli.errors import InputError, UsageError
 from dvr_cli.mesh.cell_types import CELL_TYPES
-from dvr_cli.mesh.domain import check_coordinates
+from dvr_cli.mesh.domain import check_coordinates, check_rows
 from dvr_cli.mesh.mesh import Cells, Mesh
 
 _TYPES = list(CELL_TYPES)
@@ -48,12 +48,7 @@ class Piece:
             rows = block.vertices
             if block.type not in CELL_TYPES:
                 raise InputError(f"cells of type {block.type!r} are not supported")
-            nodes = CELL_TYPES[block.type].nodes
-            if rows.ndim != 2 or rows.shape[1] != nodes or rows.dtype.kind not in "iu":
-                raise InputError(
-                    f"{block.type} cells given as {rows.dtype} array of shape {rows.shape}; "
-                    f"integers of shape (n, {nodes}) are needed"
-                )
+            check_rows(block)
             if len(rows) and not 0 <= rows.min() <= rows.max() < len(self.vertices):
                 raise InputError(f"a cell ({block.type}) names a vertex that this rank does not have")
 

@@ -235,6 +235,17 @@ def check_coordinates(points: np.ndarray) -> None:
         raise InputError(f"coordinates beyond {_LARGEST:g} cannot be computed with; choose another unit")
 
 
+def check_rows(block: Cells) -> None:
+    """Raise InputError unless a block has whole numbers, as many a cell as its type has nodes."""
+    vertices = block.vertices
+    nodes = CELL_TYPES[block.type].nodes if block.type in CELL_TYPES else vertices.shape[-1]
+    if vertices.ndim != 2 or vertices.shape[1] != nodes or vertices.dtype.kind not in "iu":
+        raise InputError(
+            f"{block.type} cells given as {vertices.dtype} array of shape {vertices.shape}; "
+            f"integers of shape (n, {nodes}) are needed"
+        )
+
+
 def _check_values(mesh: Mesh) -> None:
     if mesh.points.ndim != 2 or mesh.points.shape[1] not in (2, 3):
         raise InputError(f"points have shape {mesh.points.shape}; 2 or 3 coordinates each are needed")
@@ -244,12 +255,7 @@ def _check_values(mesh: Mesh) -> None:
         vertices = block.vertices
         if not len(vertices):
             continue
-        nodes = CELL_TYPES[block.type].nodes if block.type in CELL_TYPES else vertices.shape[-1]
-        if vertices.ndim != 2 or vertices.shape[1] != nodes or vertices.dtype.kind not in "iu":
-            raise InputError(
-                f"{block.type} cells given as {vertices.dtype} array of shape {vertices.shape}; "
-                f"integers of shape (n, {nodes}) are needed"
-            )
+        check_rows(block)
         if vertices.min() < 0 or vertices.max() >= len(mesh.points):
             row = int(np.flatnonzero(((vertices < 0) | (vertices >= len(mesh.points))).any(axis=1))[0])
             raise InputError(

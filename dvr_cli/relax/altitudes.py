@@ -11,6 +11,8 @@ altitude of a mesh, and to see that takes one determinant a corner.
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 
 from dvr_cli.mesh.csr import row_entries
@@ -18,7 +20,7 @@ from dvr_cli.mesh.simplex import Components, cross, dot, opposite_normal, subtra
 from dvr_cli.quality.altitudes import squared_facets
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
-from dvr_cli.relax.line import GAIN, ROUNDING, flatness
+from dvr_cli.relax.line import keeps_within
 from dvr_cli.relax.problem import RingArrays
 
 SHORT = 1.0 - 1e-6  # part of the way to the end of the interval that a move makes
@@ -53,15 +55,9 @@ def hold_altitudes(
         target = origin + part[:, None] * (reached - origin)
         now, after = ring.largest_badness(origin), ring.largest_badness(target)
         good = (part > 0.0) & (part < 1.0) & ~ring.any_of_ring(ring.below(target, bound))
-        good &= keeps_badness(after, np.maximum(now, limit) if by_ring else limit, points.shape[1])
+        good &= keeps_within(after, np.maximum(now, limit) if by_ring else limit, points.shape[1])
     points[vertices[low]] = np.where(good[:, None], target, origin)
     return int(np.count_nonzero(~good))
-
-
-def keeps_badness(after: np.ndarray, floor: np.ndarray | float, dimension: int) -> np.ndarray:
-    """True where the largest badness is below the floor, whatever the rounding; see ``line.improves``."""
-    uncertain = ROUNDING * flatness(after, dimension)
-    return (uncertain < 0.5) & (after * (1.0 + (1.5 * dimension * GAIN + uncertain)) <= floor)
 
 
 class _Corners:
@@ -94,10 +90,8 @@ class _Corners:
     def below(self, x: np.ndarray, bound: float) -> np.ndarray:
         """(C,) bool: whether an altitude of the corner is below the bound."""
         edges = self._edges(x)
-        first, *others = squared_facets(edges)
-        for facet in others:
-            first = np.maximum(first, facet)
-        return dot(edges[0], self._normal) < bound * np.sqrt(first)
+        largest = reduce(np.maximum, squared_facets(edges))
+        return dot(edges[0], self._normal) < bound * np.sqrt(largest)
 
     def way_out(self, x: np.ndarray, move: np.ndarray, bound: float) -> np.ndarray:
         """(C,) the part of the move after which an altitude that is not below the bound falls below it."""

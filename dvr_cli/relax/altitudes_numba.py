@@ -9,7 +9,7 @@ from dvr_cli.quality.altitudes_numba import plane_facets, space_facets
 from dvr_cli.quality.badness_numba import badness
 from dvr_cli.quality.mean_ratio_numba import corner_terms_2d, corner_terms_3d, metric_norm
 from dvr_cli.relax.altitudes import SHORT
-from dvr_cli.relax.line import GAIN, ROUNDING
+from dvr_cli.relax.line_numba import keeps_within
 from dvr_cli.relax.problem import RingArrays
 
 # The largest face of a tetrahedron, doubled, is at most √3/8 of the sum of its squared edges: a face is at
@@ -54,9 +54,7 @@ def hold_altitudes(
             for i in range(d):
                 points[vertex, i] = origin[i] + part * (reached[i] - origin[i])
             after = _largest_badness(points, vertex, ring, rings, corner)
-            uncertain = ROUNDING * (after if d == 2 else np.sqrt(after))
-            floor = max(now, limit) if by_ring else limit
-            good = uncertain < 0.5 and after * (1.0 + (1.5 * d * GAIN + uncertain)) <= floor
+            good = keeps_within(after, max(now, limit) if by_ring else limit, d)
             good = good and not _below(points, vertex, ring, rings, bound)
         if not good:
             _put(points, vertex, origin)

@@ -272,6 +272,17 @@ def improves(before: np.ndarray, after: np.ndarray, dimension: int) -> np.ndarra
         return certain & ((before == np.inf) | (after * (1.0 + margin) < before))
 
 
+def keeps_within(largest: np.ndarray, limit: np.ndarray | float, dimension: int) -> np.ndarray:
+    """True where the largest badness is no more than the limit, whatever the rounding; see ``improves``.
+
+    largest: (n,) of each ring; limit: for each or for all.
+    """
+    uncertain = ROUNDING * flatness(largest, dimension)
+    with np.errstate(invalid="ignore"):
+        within = largest * (1.0 + (1.5 * dimension * GAIN + uncertain)) <= limit
+    return (uncertain < 0.5) & within
+
+
 def flatness(b: np.ndarray, dimension: int) -> np.ndarray:
     """The measure of b with which its relative rounding error grows; see ROUNDING."""
     return b if dimension == 2 else np.sqrt(b)

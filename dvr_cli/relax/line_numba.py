@@ -175,6 +175,12 @@ def improves(before: float, after: float, d: int) -> bool:
 
 
 @inlined
+def keeps_within(largest: float, limit: float, d: int) -> bool:
+    uncertain = ROUNDING * (largest if d == 2 else np.sqrt(largest))
+    return uncertain < 0.5 and largest * (1.0 + (1.5 * d * GAIN + uncertain)) <= limit
+
+
+@inlined
 def v_at(lines: np.ndarray, c: int, at: float) -> float:
     return lines[V0, c] + lines[V1, c] * at
 

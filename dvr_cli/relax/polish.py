@@ -30,7 +30,7 @@ from dvr_cli.boundary.freedom import project
 from dvr_cli.mesh.simplex import Components, dot, opposite_normal, subtract
 from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
-from dvr_cli.relax.line import GAIN, ROUNDING, Lines, flatness
+from dvr_cli.relax.line import Lines, keeps_within
 from dvr_cli.relax.measured import Measured
 from dvr_cli.relax.steepest import gradient
 
@@ -168,12 +168,9 @@ def keeps(
     """True where the price fell while the largest badness stayed within the limit, whatever the rounding.
 
     before, after: (n,) prices; largest: (n,) the badness after, and limit: (n,) that at the floor; for the
-    margin see ``line.improves``.
+    margin see ``line.keeps_within``.
     """
-    uncertain = ROUNDING * flatness(largest, dimension)
-    with np.errstate(invalid="ignore"):
-        within = largest * (1.0 + (1.5 * dimension * GAIN + uncertain)) <= limit
-    return (uncertain < 0.5) & within & (after < before * (1.0 - SUM_GAIN))
+    return keeps_within(largest, limit, dimension) & (after < before * (1.0 - SUM_GAIN))
 
 
 def _sum(terms: np.ndarray, real: np.ndarray) -> np.ndarray:

@@ -20,8 +20,7 @@ from dvr_cli.relax.columns_numba import (
     set_ring,
     solve_back,
 )
-from dvr_cli.relax.line import GAIN, ROUNDING
-from dvr_cli.relax.line_numba import root, s_at, v_at, worst_corner
+from dvr_cli.relax.line_numba import keeps_within, root, s_at, v_at, worst_corner
 from dvr_cli.relax.polish import CLOSE, CUBE_ROOT, INSIDE, MAX_CLIPS, MAX_STEPS, SQUARINGS, SUM_GAIN, Aim
 from dvr_cli.relax.problem import RingFreedom
 from dvr_cli.relax.steepest_numba import axis_of, gradient, move, project
@@ -135,9 +134,7 @@ def _put(points: np.ndarray, vertex: int, x0: float, x1: float, x2: float) -> No
 
 @inlined
 def _keeps(before: float, after: float, largest: float, limit: float, d: int) -> bool:
-    uncertain = ROUNDING * (largest if d == 2 else np.sqrt(largest))
-    within = largest * (1.0 + (1.5 * d * GAIN + uncertain)) <= limit
-    return uncertain < 0.5 and within and after < before * (1.0 - SUM_GAIN)
+    return keeps_within(largest, limit, d) and after < before * (1.0 - SUM_GAIN)
 
 
 @inlined
