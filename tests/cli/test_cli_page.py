@@ -68,6 +68,7 @@ def opened(browser, tmp_path) -> Iterator[Any]:
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.goto(path.as_uri())
         page.wait_for_selector("#view[data-ready]")
+        wait_until_drawn(page)
         assert asked == [path.as_uri()]
         return page
 
@@ -137,8 +138,14 @@ def test_a_planar_mesh_in_a_browser(report, opened):
     assert page.locator("[name=cut]").count() == 0
 
 
+def wait_until_drawn(page) -> None:
+    """The viewer draws before the next frame, what a slider asks for before the one after it."""
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
 def opened_pixels(locator) -> np.ndarray:
     """(h, w, 3) what is seen at an element of a page."""
+    wait_until_drawn(locator.page)
     return imread(io.BytesIO(locator.screenshot()))[..., :3]
 
 
@@ -167,6 +174,7 @@ def test_a_volume_mesh_turns_and_is_picked(boxes, opened):
 
     def click(box, right=0.0):
         page.mouse.click(box["x"] + box["width"] / 2 + right, box["y"] + box["height"] / 2)
+        wait_until_drawn(page)
         return page.locator(".said").text_content()
 
     def told(i, j, k):
@@ -230,6 +238,7 @@ def test_a_volume_mesh_is_cut_and_its_worst_elements_are_gone_to(boxes, opened):
         assert [int(button.get_attribute("data-cell")) for button in listed.all()] == order.tolist()
         listed.nth(3).click()
         assert page.locator(".said").text_content().startswith(f"hexahedron {order[3]}, ")
+        wait_until_drawn(page)
         pane, ring = (page.locator(kind).nth(i).bounding_box() for kind in (".frame", ".ring"))
         for place, extent in (("x", "width"), ("y", "height")):
             assert ring[place] + ring[extent] / 2 == pytest.approx(pane[place] + pane[extent] / 2, abs=2.0)
