@@ -10,6 +10,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,25 @@ PAGES = sorted(page for page in ROOT.glob("docs/**/*.md") if _DONE.search(page.r
 SHORT = {"layers", "decks", "moving"}  # pages that take seconds
 
 
+def shell(text: str, environment: Mapping[str, str]) -> str:
+    """Run commands; what they print."""
+    run = subprocess.run(
+        ["bash", "-e", "-o", "pipefail", "-c", text],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
+    assert run.returncode == 0, run.stderr
+    return run.stdout
+
+
+def environment(folder: Path) -> dict[str, str]:
+    """Where pages are tried: programs are those of the folder, of this environment, and of the system."""
+    path = [str(folder), str(Path(sys.executable).parent), os.environ["PATH"]]
+    return os.environ | {"PATH": os.pathsep.join(path), "PYTHONPATH": str(ROOT)}
+
+
 def blocks(page: Path) -> list[tuple[str, str, str]]:
     """The blocks of code of a page: language, title, text."""
     return _BLOCK.findall(page.read_text(encoding="utf-8"))
@@ -36,8 +56,6 @@ def blocks(page: Path) -> list[tuple[str, str, str]]:
 def test_what_a_page_says_works(page, tmp_path, monkeypatch):
     (tmp_path / "sample_meshes").symlink_to(ROOT / "sample_meshes")
     monkeypatch.chdir(tmp_path)
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    environment = os.environ | {"PATH": path, "PYTHONPATH": str(ROOT)}
     names: dict[str, object] = {}
     for language, title, text in blocks(page):
         if title:
@@ -52,14 +70,7 @@ def test_what_a_page_says_works(page, tmp_path, monkeypatch):
                 require_program("gmsh")
             if "--plot" in text:
                 require("matplotlib")
-            run = subprocess.run(
-                ["bash", "-e", "-o", "pipefail", "-c", text],
-                env=environment,
-                capture_output=True,
-                text=True,
-                timeout=600,
-            )
-            assert run.returncode == 0, run.stderr
+            shell(text, environment(tmp_path))
 
 
 def test_all_tutorials_are_among_them():
