@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from common import fastest, print_table
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.files.reading import open_mesh
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.report.records import SmoothReport

@@ -139,8 +139,8 @@ def _moved_rows() -> Iterator[list[object]]:
 
 def _morphed(mesh: Layered, shift: np.ndarray) -> np.ndarray:
     """The points after ``dvr morph`` by a displacement (N, 2) of the wall."""
-    from dvr_cli.api import SmoothOptions
     from dvr_cli.api.morphing import morph_mesh
+    from dvr_cli.api.options import SmoothOptions
     from dvr_cli.mesh.mesh import Cells, Mesh
 
     given = {"shape": "input"} if "shape" in SmoothOptions.__dataclass_fields__ else {}

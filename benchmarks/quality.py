@@ -11,7 +11,8 @@ from collections.abc import Iterator
 
 import meshes
 from common import fastest, print_table, warm_up
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.stopping import Stopping
 

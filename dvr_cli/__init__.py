@@ -15,8 +15,8 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from dvr_cli import gmsh
-    from dvr_cli.api import compare, quality_report, smooth, untangle
     from dvr_cli.api.distributed import smooth_distributed
+    from dvr_cli.api.public import compare, quality_report, smooth, untangle
     from dvr_cli.api.relaxer import Relaxer
 
 __all__ = ["Relaxer", "compare", "gmsh", "quality_report", "smooth", "smooth_distributed", "untangle"]
@@ -29,4 +29,4 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if name == "gmsh":
         return import_module("dvr_cli.gmsh")
-    return getattr(import_module(_OWN_MODULES.get(name, "dvr_cli.api")), name)
+    return getattr(import_module(_OWN_MODULES.get(name, "dvr_cli.api.public")), name)

@@ -217,6 +217,16 @@ def test_a_run_loads_nothing_that_it_does_not_use(tmp_path):
     assert "dvr_cli.relax.sweeps" in modules  # it has relaxed
 
 
+def test_a_report_loads_nothing_that_relaxes():
+    """Of relax/ only the records and reasons that a report of a run has."""
+    mesh = ROOT.parent / "sample_meshes" / "two_materials.msh"
+    command = ["report", "quality", str(mesh), "--csv"]
+    modules = loaded_by(f"from dvr_cli.cli.main import main; assert main({command!r}) == 0")
+    relaxing = {name for name in modules if name.startswith("dvr_cli.relax.")}
+    assert relaxing == {"dvr_cli.relax.phases", "dvr_cli.relax.stopping"}
+    assert "dvr_cli.api.smoothing" not in modules
+
+
 def test_the_mathematics_needs_numpy_only():
     modules = loaded_by("import dvr_cli.mesh.domain, dvr_cli.relax.sweeps, dvr_cli.report.records")
     assert "numpy" in modules
@@ -224,7 +234,7 @@ def test_the_mathematics_needs_numpy_only():
 
 
 def test_names_of_the_package_are_loaded_when_first_used():
-    assert {"numpy", "dvr_cli.api"} <= set(loaded_by("import dvr_cli; dvr_cli.smooth"))
+    assert {"numpy", "dvr_cli.api.public"} <= set(loaded_by("import dvr_cli; dvr_cli.smooth"))
 
 
 def test_no_two_modules_of_tests_have_one_name():

@@ -5,7 +5,7 @@ import pytest
 
 import dvr_cli
 import oracle
-from dvr_cli.api import mesh_quality
+from dvr_cli.api.measuring import mesh_quality
 from dvr_cli.mesh.corners import corners_of
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh

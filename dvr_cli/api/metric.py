@@ -26,7 +26,7 @@ class MetricSource:
 
     @classmethod
     def of(cls, metric: str | Path | np.ndarray) -> MetricSource:
-        """That of a value of the option; a file is read. Raises InputError for one that cannot be."""
+        """The source that a value of the option names; a file is read. Raises InputError for one that cannot be."""
         if isinstance(metric, np.ndarray):
             return cls("array", metric)
         if Path(metric).suffix.lower() not in _SUFFIXES:
@@ -56,3 +56,8 @@ class MetricSource:
             return tensors_of(values, len(mesh.points))
         except InputError as error:
             raise InputError(f"metric {self.name}: {error}") from error
+
+
+def metric_source(metric: str | Path | np.ndarray | None) -> MetricSource | None:
+    """The origin of the metric that a value of the option names, None for None; see ``MetricSource.of``."""
+    return None if metric is None else MetricSource.of(metric)

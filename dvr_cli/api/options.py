@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dvr_cli.api.metric import MetricSource
+from dvr_cli.api.metric import MetricSource, metric_source
 from dvr_cli.api.selection import Selection
 from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.errors import UsageError
@@ -213,7 +213,7 @@ class SmoothOptions:
     @cached_property
     def metric_source(self) -> MetricSource | None:
         """The origin of the metric, None without one; a file is read, once."""
-        return None if self.metric is None else MetricSource.of(self.metric)
+        return metric_source(self.metric)
 
     @property
     def shape_mode(self) -> str:

@@ -199,7 +199,7 @@ def _lines(
 
 
 def _in_point_sets(mesh: Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Those of ``facets`` (F, w) that have all vertices in a set of points, and the set (n,) of each; and the
+    """The rows of ``facets`` (F, w) that have all vertices in a set of points, and the set (n,) of each; and the
     vertices of these facets (m,) that are in a set, but in no facet all of whose vertices are.
     """
     within, of_set = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]

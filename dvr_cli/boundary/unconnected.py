@@ -54,7 +54,7 @@ def hanging_vertices(points: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray
 
 
 def coincident_vertices(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """Those of ``vertices`` (m,) that are in the very place of another one of them."""
+    """The vertices among ``vertices`` (m,) that are in the very place of another one of them."""
     places = points[vertices] + 0.0  # of -0.0 and 0.0 one
     _, number, count = np.unique(places, axis=0, return_inverse=True, return_counts=True)
     return vertices[count[number.ravel()] > 1]

@@ -36,7 +36,8 @@ def quality(
     On a terminal it is laid out for reading; elsewhere each figure is a line of label, value and remark,
     separated by tabs.
     """
-    from dvr_cli.api import SmoothOptions, mesh_quality
+    from dvr_cli.api.measuring import mesh_quality
+    from dvr_cli.api.metric import metric_source
     from dvr_cli.files.reading import open_mesh
     from dvr_cli.quality.cell_measures import measure_field
     from dvr_cli.report.export import as_csv, as_json, cells_as_csv
@@ -50,7 +51,7 @@ def quality(
     if plot is not None:
         check("--plot", plot, PICTURES, [path])
     mesh = open_mesh(path, given["input_format"], given["mesh"]).mesh
-    metric = SmoothOptions(metric=given["metric"]).metric_source
+    metric = metric_source(given["metric"])
     with naming(path):
         chosen = given["regions"] or ()
         report = mesh_quality(mesh, given["worst"], chosen, metric, name)
@@ -92,7 +93,8 @@ def compare(
     component in which they differ. Elsewhere than on a terminal each mesh is a line of its rank and figures,
     separated by tabs, in the order given.
     """
-    from dvr_cli.api import SmoothOptions, compare_domains
+    from dvr_cli.api.measuring import compare_domains
+    from dvr_cli.api.metric import metric_source
     from dvr_cli.files.reading import open_mesh
     from dvr_cli.mesh.domain import domain_of
     from dvr_cli.report.export import as_json
@@ -108,7 +110,7 @@ def compare(
         with naming(path):
             domains.append(domain_of(mesh, regions=given["regions"] or ()))
     names = [str(path) for path in paths]
-    metric = SmoothOptions(metric=given["metric"]).metric_source
+    metric = metric_source(given["metric"])
     with naming(", ".join(names)):
         comparison = compare_domains(meshes, domains, metric)
     if plot is not None:

@@ -31,7 +31,8 @@ def smooth(
 
     Q1, the worst quality that this can touch, never decreases. Ctrl-C ends early with the mesh reached.
     """
-    from dvr_cli.api import SmoothOptions, smooth_mesh
+    from dvr_cli.api.options import SmoothOptions
+    from dvr_cli.api.smoothing import smooth_mesh
 
     options = SmoothOptions.of(given)
     pictured = given["plot"] is not None or is_page(given["report"])

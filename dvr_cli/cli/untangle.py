@@ -30,7 +30,8 @@ def untangle(
     known, reasons; there are never more of them than before. 'dvr smooth --untangle' goes on to improve the
     quality.
     """
-    from dvr_cli.api import SmoothOptions, smooth_mesh
+    from dvr_cli.api.options import SmoothOptions
+    from dvr_cli.api.smoothing import smooth_mesh
 
     options = SmoothOptions.of(given, untangle=True, max_iterations=0)
     return run(source, output, partial(smooth_mesh, options=options), given)

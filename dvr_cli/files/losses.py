@@ -74,7 +74,7 @@ def lost(mesh: Mesh, back: Mesh, points: np.ndarray) -> list[str]:
 
 
 def _lost_data(what: str, old: dict[str, np.ndarray], new: dict[str, np.ndarray]) -> list[str]:
-    """Those of the arrays ``old`` that are gone, go by another name or have other values in ``new``."""
+    """The arrays among ``old`` that are gone, go by another name or have other values in ``new``."""
     lines = []
     missing = old.keys() - new.keys()
     for name in sorted(missing):

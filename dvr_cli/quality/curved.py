@@ -218,7 +218,7 @@ def _in_pyramid(places: np.ndarray, power: tuple[int, int, int]) -> tuple[np.nda
 
 
 def _basis(name: str) -> list[Function]:
-    """As many functions as a cell has nodes, of which its shape functions are combinations."""
+    """The functions, one for each node of a cell, of which its shape functions are combinations."""
     family, nodes = name.rstrip("0123456789"), CELL_TYPES[name].nodes
     powers = list(product(range(3), repeat=CELL_TYPES[name].dimension))
     if family in ("triangle", "tetra"):

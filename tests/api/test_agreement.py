@@ -7,8 +7,9 @@ import pytest
 
 import dvr_cli
 from curved_parts import PARTS, scanned, solid, surface
-from dvr_cli.api import compare_meshes, mesh_quality, smooth_mesh
+from dvr_cli.api.measuring import compare_meshes, mesh_quality
 from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.files.reading import open_mesh
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.relax.stopping import Stopping

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import dvr_cli
-import dvr_cli.api
+import dvr_cli.api.public
 import oracle
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.errors import DvrError, InputError, UsageError
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
@@ -218,7 +219,7 @@ def test_inverted_cells_are_counted_before_and_after():
 
 
 def test_the_example_in_the_documentation_works():
-    results = doctest.testmod(dvr_cli.api)
+    results = doctest.testmod(dvr_cli.api.public)
     assert results.attempted > 0
     assert results.failed == 0
 

@@ -5,7 +5,7 @@ import pytest
 
 import dvr_cli
 from curved_parts import PARTS, apart, distances, scanned, skin, solid, surface
-from dvr_cli.api import SmoothOptions
+from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality.vector import at_least

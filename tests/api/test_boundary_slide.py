@@ -7,7 +7,7 @@ import pytest
 
 import dvr_cli
 import oracle
-from dvr_cli.api import SmoothOptions
+from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.boundary.constraints import constraints_of
 from dvr_cli.boundary.features import features_of

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import dvr_cli
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.errors import InputError, UsageError
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.vector import at_least

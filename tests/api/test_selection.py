@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import dvr_cli
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.selection import Selection
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.errors import InputError, UsageError
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 import dvr_cli
-from dvr_cli.api import SmoothOptions, compare_meshes, mesh_quality, smooth_mesh
+from dvr_cli.api.measuring import compare_meshes, mesh_quality
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.mean_ratio import corner_qualities

@@ -10,7 +10,8 @@ import trimesh
 
 import dvr_cli
 from curved_parts import distances, scanned
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.cli.main import main
 from dvr_cli.files.reading import open_mesh
 from dvr_cli.mesh.domain import domain_of

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from curved_parts import apart, distances, wavy
-from dvr_cli.api import SmoothOptions
+from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.boundary.constraints import constraints_of, surface_constraints
 from dvr_cli.boundary.gaps import frames, gaps, samples

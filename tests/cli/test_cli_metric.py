@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from cli_support import assert_one_line
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.mesh.mesh import Mesh
 from meshes import random_mesh, stretched
 

@@ -9,7 +9,8 @@ import meshio
 import numpy as np
 import pytest
 
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.cli.main import main
 from dvr_cli.files.formats import FORMATS, format_named
 from dvr_cli.files.reading import open_mesh

@@ -10,7 +10,8 @@ import pytest
 
 import gmsh_corpus
 import vtk_corpus
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.cli.main import main
 from dvr_cli.errors import DvrError
 from dvr_cli.files.reading import open_mesh

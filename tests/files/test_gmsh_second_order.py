@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.files.gmsh import read
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dvr_cli.api import SmoothOptions, mesh_quality, smooth_mesh
+from dvr_cli.api.measuring import mesh_quality
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.errors import InputError
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import domain_of

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import dvr_cli
-from dvr_cli.api import mesh_quality
+from dvr_cli.api.measuring import mesh_quality
 from dvr_cli.cli.main import main
 from dvr_cli.files.gmsh.cells import NODE_ORDER
 from dvr_cli.mesh.cell_types import CELL_TYPES

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.boundary.constraints import constraints_of
 from dvr_cli.boundary.features import features_of
 from dvr_cli.files.reading import open_mesh

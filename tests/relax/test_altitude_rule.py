@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 import dvr_cli
 import oracle
 from curved_parts import scanned
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.backend import COMPILED, NUMPY
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh

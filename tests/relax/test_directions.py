@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import dvr_cli
-from dvr_cli.api import SmoothOptions
+from dvr_cli.api.options import SmoothOptions
 from dvr_cli.boundary.freedom import unit
 from dvr_cli.cli.main import main
 from dvr_cli.errors import DvrError, InputError, UsageError

@@ -10,7 +10,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import StepPatch
 
-from dvr_cli.api import SmoothOptions, mesh_quality, smooth_mesh
+from dvr_cli.api.measuring import mesh_quality
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.report.picture import State, picture

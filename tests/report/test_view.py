@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dvr_cli.api import mesh_quality
+from dvr_cli.api.measuring import mesh_quality
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.quality.cell_measures import CELL_MEASURES

@@ -198,7 +198,7 @@ class Sets:
 
 
 def _generated(fields: Fields, tokens: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-    """Those of ``numbers`` (ascending) that are in rows given by first, last and step."""
+    """The entries of ``numbers`` (ascending) that are in rows given by first, last and step."""
     chosen = [_NONE]
     for first, count in zip(fields.first.tolist(), fields.counts.tolist(), strict=True):
         begin, end, step = [*tokens[first : first + count].tolist(), 0, 0][:3]

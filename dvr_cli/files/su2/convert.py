@@ -89,7 +89,7 @@ def _text(mesh: Mesh) -> tuple[bytes, list[str]]:
 
 
 def _coordinates(mesh: Mesh, top: int) -> tuple[np.ndarray, list[str]]:
-    """As many coordinates as SU2 wants, and what it cannot keep of them."""
+    """The coordinates that SU2 wants, and what it cannot keep of them."""
     points = mesh.points
     if points.shape[1] == top:
         return points, []

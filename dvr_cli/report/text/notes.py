@@ -74,7 +74,7 @@ def shape_notes(report: QualityReport) -> list[str]:
 
 
 def in_metric(use: ShapeUse) -> str:
-    """That qualities are those in a metric, and how far it stretches shapes."""
+    """A note that qualities are those in a metric, and how far it stretches shapes."""
     return f"qualities are those in the metric, which asks for aspects of up to {use.max_aspect:.3g} : 1"
 
 

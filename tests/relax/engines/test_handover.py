@@ -6,7 +6,8 @@ import time
 import numpy as np
 import pytest
 
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.api.warming import SORTS
 from dvr_cli.relax.engines import choice, handover
 from meshes import random_mesh

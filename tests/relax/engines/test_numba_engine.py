@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import dvr_cli
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.backend import COMPILED
 from dvr_cli.errors import UsageError
 from dvr_cli.files.reading import open_mesh
@@ -231,7 +232,8 @@ import numpy as np, sys
 sys.path.insert(0, {tests!r})
 from meshes import random_mesh
 import dvr_cli
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.relax.stopping import Stopping
 with np.errstate(all="ignore"):
     for kind in {kinds!r}:

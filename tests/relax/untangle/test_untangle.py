@@ -5,7 +5,8 @@ import pytest
 
 import dvr_cli
 import oracle
-from dvr_cli.api import SmoothOptions, smooth_mesh
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.boundary.freedom import Freedom, interior_freedom
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
