@@ -26,7 +26,7 @@ class MetricSource:
 
     @classmethod
     def of(cls, metric: str | Path | np.ndarray) -> MetricSource:
-        """The source that a value of the option names; a file is read. Raises InputError for one that cannot be."""
+        """The source that a value of the option names; a file is read. Raises InputError if it cannot be."""
         if isinstance(metric, np.ndarray):
             return cls("array", metric)
         if Path(metric).suffix.lower() not in _SUFFIXES:

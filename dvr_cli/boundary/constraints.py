@@ -199,8 +199,8 @@ def _lines(
 
 
 def _in_point_sets(mesh: Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The rows of ``facets`` (F, w) that have all vertices in a set of points, and the set (n,) of each; and the
-    vertices of these facets (m,) that are in a set, but in no facet all of whose vertices are.
+    """The rows of ``facets`` (F, w) that have all vertices in a set of points, and the set (n,) of each; and
+    the vertices of these facets (m,) that are in a set, but in no facet all of whose vertices are.
     """
     within, of_set = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     alone = np.zeros(len(mesh.points) + 1, dtype=bool)

@@ -258,7 +258,7 @@ class _Sheet:
         return result
 
     def _places(self, points: np.ndarray, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The vertices among ``vertices`` (n,) that have a better place, that place, and how much room is there."""
+        """The vertices among ``vertices`` (n,) that have a better place, that place, and its room."""
         _, mean = self._normals(points)
         size = np.diff(self._start)[vertices]
         found, places, rooms = [vertices[:0]], [points[:0]], [np.empty(0)]

@@ -31,7 +31,7 @@ class Measured:
 
     @classmethod
     def of(cls, own: Sequence[np.ndarray], within: Within) -> Measured:
-        """The measure of vertices with these L which keep within these lines and planes; None for anywhere."""
+        """The measure of vertices with these L that keep within these lines and planes; None for anywhere."""
         return cls(own, within, None if within is None else (within[0], seen_axis(own, *within)))
 
     def gradient(self, vectors: Components) -> list[np.ndarray]:
