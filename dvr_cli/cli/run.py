@@ -12,7 +12,7 @@ from dvr_cli.cli.files import PICTURES, check, write_picture
 from dvr_cli.cli.gates import failures, gates_of
 from dvr_cli.cli.interrupt import Interrupt
 from dvr_cli.cli.options import naming
-from dvr_cli.cli.progress import Progress
+from dvr_cli.cli.progress import Known, Progress
 from dvr_cli.cli.streams import columns, onto_stdout, say
 from dvr_cli.errors import OutputError, UsageError
 
@@ -44,7 +44,7 @@ def run(
     from dvr_cli.files import writing
     from dvr_cli.files.reading import open_mesh
     from dvr_cli.quality.measure import cell_field
-    from dvr_cli.relax.engines.choice import has_numba
+    from dvr_cli.relax.engines.choice import has_numba, is_compiling
     from dvr_cli.report.export import as_csv, as_json
 
     report, no_report, plot = given["report"], given["no_report"], given["plot"]
@@ -67,14 +67,17 @@ def run(
     if plot is not None:
         check("--plot", plot, PICTURES, [source, output, report])
 
-    with Progress(quiet, verbose) as progress:
+    interrupt = Interrupt()
+    fixed = given["max_iterations"] if given.get("preset") is not None else None  # presets fix the sweeps
+    known = Known(given.get("time_limit"), fixed, lambda: interrupt.requested, is_compiling)
+    with Progress(quiet, verbose, known) as progress:
         progress.show(f"reading {source}")
         opened = open_mesh(source, given["input_format"], given["mesh"])
         destination = writing.Output(
             opened, output, output_format, (measure or "quality") if quality_field else None
         )
         progress.show("preparing")
-        with Interrupt() as interrupt:
+        with interrupt:
             with naming(source), naming(output, OutputError):
                 points, result = work(
                     opened.mesh,

@@ -41,6 +41,11 @@ class Care:
         """Q1: the worst quality in any ring."""
         return float(self._worst.min())
 
+    @property
+    def below(self) -> float:
+        """The share of the rings that are below the level."""
+        return float((self._worst < self.level).mean())
+
     def update(self) -> None:
         """Look at the rings again after a sweep over those that are active."""
         before, self._worst = self._worst, self._engine.ring_qualities()

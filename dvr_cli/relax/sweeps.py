@@ -25,7 +25,8 @@ from dvr_cli.relax.stopping import Stopping, StopReason
 class Sweep:
     """One sweep: its number from 1, its phase, Q1 after it, vertices moved, seconds taken.
 
-    mean: after a sweep of polishing, the mean quality of the corners with a relaxed vertex.
+    mean: after a sweep of polishing, the mean quality of the corners with a relaxed vertex. below: where
+    there is a level of care, the share of what is below it: of rings after relaxing, else of those corners.
     """
 
     sweep: int
@@ -34,6 +35,7 @@ class Sweep:
     moved: int
     seconds: float
     mean: float | None = None
+    below: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +96,8 @@ def relax(
             care.update()
         history.append(engine.q1() if care is None else care.q1)
         number, seconds = done + len(sweeps) + 1, time.perf_counter() - sweep_start
-        sweeps.append(Sweep(number, "relax", history[-1], moved, seconds))
+        below = None if care is None else care.below
+        sweeps.append(Sweep(number, "relax", history[-1], moved, seconds, below=below))
         if on_sweep is not None:
             on_sweep(sweeps[-1])
     if not sweeps:  # what ended untangling early is then the reason
@@ -153,7 +156,9 @@ def polish(
         qualities, before = engine.qualities(), reached
         reached, mean = measure(qualities), mean_quality(qualities)
         seconds = time.perf_counter() - sweep_start
-        sweeps.append(Sweep(done + len(sweeps) + 1, work.phase, float(qualities.min()), moved, seconds, mean))
+        below = float((qualities < floor).mean()) if now.by_ring else None
+        number, q1 = done + len(sweeps) + 1, float(qualities.min())
+        sweeps.append(Sweep(number, work.phase, q1, moved, seconds, mean, below))
         if on_sweep is not None:
             on_sweep(sweeps[-1])
         if reached - before < stopping.tol:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -95,12 +96,18 @@ def on_a_terminal(stream: str, *arguments: object, **variables: str) -> str:
 
 @posix
 def test_progress_on_a_terminal(tmp_path):
-    """The line is rewritten, and wiped before the summary."""
-    source = fan(tmp_path / "in.msh")
-    progress, summary = on_a_terminal("stderr", "smooth", source, tmp_path / "out.msh").rsplit("\r", 1)
-    assert "\n" not in progress
-    assert "\rsweep   1  descent  Q1 " in progress
-    assert summary.startswith(f"{source} -> ")
+    """The line is rewritten, never longer than the terminal is wide, and wiped before the summary."""
+    source, begin, wipe = fan(tmp_path / "in.msh"), "\x1b[?25l", "\x1b[?25h\r\x1b[1A\x1b[2K"
+    for columns in (30, 80):
+        variables = {"TERM": "xterm", "COLUMNS": str(columns), "NO_COLOR": "1"}
+        shown = on_a_terminal("stderr", "smooth", source, tmp_path / "out.msh", **variables)
+        progress, summary = shown.removeprefix(begin).split(wipe)
+        lines = [re.sub("\x1b\\[[0-9;]*[mK]", "", line) for line in progress.removesuffix("\n").split("\r")]
+        assert all(len(line) <= columns for line in lines)
+        assert any("  sweep 1  Q1 " in line for line in lines)
+        assert not any("\n" in line for line in lines)
+        assert summary.startswith(f"{source} -> ")
+        assert ("below care" in progress) == (columns == 80)
 
 
 @posix

@@ -68,9 +68,8 @@ def test_the_report(dvr, tmp_path):
     assert set(record["after"]["quantiles"]) == {"0.01", "0.1", "0.5"}
     assert record["after"]["q1"] == pytest.approx(BEST)
     assert record["quality_vector"] == [record["after"]["q1"]]
-    assert all(
-        set(sweep) == {"sweep", "phase", "q1", "moved", "seconds", "mean"} for sweep in record["sweeps"]
-    )
+    keys = {"sweep", "phase", "q1", "moved", "seconds", "mean", "below"}
+    assert all(set(sweep) == keys for sweep in record["sweeps"])
     assert [sweep["sweep"] for sweep in record["sweeps"]] == list(range(1, len(record["sweeps"]) + 1))
     assert record["stopped_because"] == "converged"
     assert (record["engine"], record["threads"], record["seed"]) == ("numpy", 1, 5)

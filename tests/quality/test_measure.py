@@ -229,9 +229,8 @@ def test_smooth_record_has_the_promised_keys():
     assert record["quality"] == record["after"]
     assert record["after"]["q1"] > record["before"]["q1"]
     assert [sweep["sweep"] for sweep in record["sweeps"]] == [1, 2, 3, 4]
-    assert all(
-        sweep.keys() == {"sweep", "phase", "q1", "moved", "seconds", "mean"} for sweep in record["sweeps"]
-    )
+    keys = {"sweep", "phase", "q1", "moved", "seconds", "mean", "below"}
+    assert all(sweep.keys() == keys for sweep in record["sweeps"])
     assert record["stopped_because"] == "max-iterations"
     assert record["seed"] == record["options"]["seed"] == 7
     assert record["options"]["max_iterations"] == 4

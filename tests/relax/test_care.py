@@ -11,10 +11,13 @@ import oracle
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.relax.care import Care
 from dvr_cli.relax.descent import descend
+from dvr_cli.relax.directions import direction_field
 from dvr_cli.relax.engines.numpy_engine import NumpyEngine
+from dvr_cli.relax.patches.phase import relax_patches
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import Stopping
+from dvr_cli.relax.sweeps import polish, relax
 from meshes import KINDS, delaunay, random_mesh
 
 
@@ -135,6 +138,28 @@ def test_rings_above_the_level_do_not_move_and_those_below_settle():
     for expected in (None, None, "converged"):
         assert care.reason(0, 0.0) == expected
         care.update()  # nothing has moved: after two such sweeps all have settled
+
+
+def test_sweeps_say_what_share_is_below_the_level():
+    """Sweeps count rings, polishing and patches corners, each with a vertex that moves."""
+    engine, domain = loaded(delaunay(150, 3, 2))
+    level, found = float(np.quantile(engine.ring_qualities(), 0.4)), []
+    stopping, field = Stopping(max_iterations=2), direction_field(["random"], domain, {}, 0)
+
+    def share_of_rings(sweep):
+        found.append((sweep.below, (vector(engine, domain) < level).mean()))
+
+    def share_of_corners(sweep):
+        found.append((sweep.below, (engine.qualities() < level).mean()))
+
+    relax(engine, None, field, stopping, share_of_rings, level=level)
+    relax_patches(engine, Stopping(max_iterations=1), on_sweep=share_of_corners, level=level)
+    aim = Aim(level, relative=True, by_ring=True)
+    polish(engine, level, stopping, on_sweep=share_of_corners, aim=aim)
+    assert len(found) == 5
+    assert all(0 < said < 1 and said == pytest.approx(true) for said, true in found)
+    polish(engine, 0.0, Stopping(max_iterations=1), on_sweep=lambda sweep: found.append(sweep.below))
+    assert found[-1] is None
 
 
 def test_a_descent_keeps_q1_and_the_vector_and_raises_both_ends():

@@ -97,6 +97,15 @@ def has_numba() -> bool:
     return KINDS["numba"].is_installed
 
 
+def is_compiling() -> bool:
+    """True while NumPy sweeps because another process still compiles the kernels."""
+    if not _HANDOVER.is_loaded:
+        return False
+    from dvr_cli.relax.engines.handover import is_under_way
+
+    return is_under_way()
+
+
 def _are_compiled(folders: Sequence[str]) -> bool:
     """False if it is certain that kernels in these folders of ``relax`` have to be compiled first."""
     return all(may_be_kept(kernel) for folder in folders for kernel in _KERNELS[folder])

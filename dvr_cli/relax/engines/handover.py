@@ -10,7 +10,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
-from functools import cache
 from threading import Thread
 from typing import Any
 
@@ -38,17 +37,31 @@ class Compiling:
         self._listener = Thread(target=self._listen, daemon=True)
         self._listener.start()
 
+    @property
+    def is_running(self) -> bool:
+        """True until it is done, or has failed."""
+        return self._listener.is_alive()
+
     def _listen(self) -> None:
         self.is_done = self._process.stdout.readline().strip() == READY
 
 
-@cache
+_started: dict[str, Compiling | None] = {}  # by sort of meshes
+
+
 def compiling(sort: str) -> Compiling | None:
     """The process that compiles for meshes of a sort, started when first asked for; None if it cannot be."""
-    try:
-        return Compiling(sort)
-    except OSError:  # no more processes or memory: NumPy does it all
-        return None
+    if sort not in _started:
+        try:
+            _started[sort] = Compiling(sort)
+        except OSError:  # no more processes or memory: NumPy does it all
+            _started[sort] = None
+    return _started[sort]
+
+
+def is_under_way() -> bool:
+    """True while a process compiles."""
+    return any(process is not None and process.is_running for process in _started.values())
 
 
 def sort_of(problem: Problem) -> str:

@@ -73,7 +73,7 @@ def relax_patches(
         badness = engine.solve_patches(state.points, state.enter(patches), time_is_up)
         moved = state.leave(patches, np.array(badness))
         number, seconds = done + len(rounds) + 1, time.perf_counter() - round_start
-        rounds.append(Sweep(number, "patches", state.q1, moved, seconds))
+        rounds.append(Sweep(number, "patches", state.q1, moved, seconds, below=state.below))
         if on_sweep is not None:
             on_sweep(rounds[-1])
     return Relaxation(engine.points, rounds, reason)
@@ -110,6 +110,11 @@ class _State:
     def q1(self) -> float:
         """Q1: the worst quality of a touched corner."""
         return float(self.quality.min())
+
+    @property
+    def below(self) -> float | None:
+        """The share of the corners that are below the level of care; None without one."""
+        return None if self._level == np.inf else float((self.quality < self._level).mean())
 
     def done(self, target: float | None) -> StopReason | None:
         """The reason to end, or None: Q1 is at the target, or every layer was tried around what matters.

@@ -70,12 +70,19 @@ def kind(mesh: MeshSummary) -> str:
 
 
 def sweep_line(
-    sweep: int, phase: str, q1: float, moved: int, seconds: float, mean: float | None = None
+    sweep: int,
+    phase: str,
+    q1: float,
+    moved: int,
+    seconds: float,
+    mean: float | None = None,
+    below: float | None = None,
 ) -> str:
     """One line on a sweep; a phase other than relaxing is named."""
     name = "" if phase == "relax" else f"  {phase}"
     average = "" if mean is None else f"  mean {digits(mean)}"
-    return f"sweep {sweep:3d}{name}  Q1 {digits(q1)}{average}  moved {moved}  {seconds:.2f} s"
+    share = "" if below is None else f"  {100 * below:.2g} % below care"
+    return f"sweep {sweep:3d}{name}  Q1 {digits(q1)}{average}{share}  moved {moved}  {seconds:.2f} s"
 
 
 def gate_failure(name: str, value: float, limit: float, below: bool) -> str:

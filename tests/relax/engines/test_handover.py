@@ -76,7 +76,9 @@ def test_a_run_goes_on_alone_if_no_process_can_be_started(monkeypatch):
         raise OSError("no more processes")
 
     monkeypatch.setattr(subprocess, "Popen", refused)
-    assert handover.compiling.__wrapped__("tetrahedra") is None
+    monkeypatch.setattr(handover, "_started", {})
+    assert handover.compiling("tetrahedra") is None
+    assert not choice.is_compiling()
     monkeypatch.setattr(handover, "compiling", lambda sort: None)
     monkeypatch.setattr(choice, "_are_compiled", lambda folders: False)
     monkeypatch.setattr(choice, "_REPAYS_STARTING", 0)
@@ -97,14 +99,19 @@ def until(holds):
 )
 def test_the_other_process_says_when_it_is_done_and_ends_with_its_pipe(said, is_done, monkeypatch):
     monkeypatch.setattr(handover, "_COMPILE", f"import sys; {{}}; {{!r}}; {said}; sys.stdin.buffer.read()")
-    compiling = handover.Compiling("tetrahedra")
+    monkeypatch.setattr(handover, "_started", {})
+    compiling = handover.compiling("tetrahedra")
+    assert handover.compiling("tetrahedra") is compiling
     if is_done:
         until(lambda: compiling.is_done)
         assert compiling._process.poll() is None
+    else:
+        assert choice.is_compiling()
     compiling._process.stdin.close()
     compiling._process.wait(60)
     compiling._listener.join(60)
     assert compiling.is_done is is_done
+    assert not choice.is_compiling()
 
 
 @pytest.mark.long
