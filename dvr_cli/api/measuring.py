@@ -63,10 +63,17 @@ def compare_meshes(meshes: Sequence[Mesh], metric: MetricSource | None = None) -
 
 
 def compare_domains(
-    meshes: Sequence[Mesh], domains: Sequence[Domain], metric: MetricSource | None = None
+    meshes: Sequence[Mesh],
+    domains: Sequence[Domain],
+    metric: MetricSource | None = None,
+    by_measure: str | None = None,
 ) -> Comparison:
-    """As ``compare_meshes``, of meshes and their domains; relaxed are in all the vertices of the first."""
-    from dvr_cli.report.compare import compare_qualities
+    """As ``compare_meshes``, of meshes and their domains; relaxed are in all the vertices of the first.
+
+    by_measure: the name of the measure that they are judged by, all cells counting; None: quality vectors.
+    """
+    from dvr_cli.quality.cell_measures import CELL_MEASURES, Geometry, summary
+    from dvr_cli.report.compare import Judged, compare_qualities
 
     same = same_connectivity(meshes)
     if metric is not None and not same:
@@ -80,6 +87,10 @@ def compare_domains(
     ]
     relaxed = [(moves[0] if same else own).relaxed for own in moves]
     kept = shapes[0].kept_cells if same else None
+    judged = None
+    if by_measure is not None:
+        chosen, states = CELL_MEASURES[by_measure], zip(meshes, domains, strict=True)
+        judged = Judged(chosen, [chosen.of(Geometry(domain, mesh.points)) for mesh, domain in states])
     if same and (shapes[0].kept or metric):
         corners = shapes[0].corners_free_to_move()
         domains = [replace(domain, corners=corners) for domain in domains]
@@ -89,10 +100,11 @@ def compare_domains(
             len(moving),
             measure(domain, mesh.points, moving),
             kept=kept,
+            measures=[] if judged is None else [summary(judged.measure, judged.values[i])],
         )
-        for mesh, domain, own, moving in zip(meshes, domains, moves, relaxed, strict=True)
+        for i, (mesh, domain, own, moving) in enumerate(zip(meshes, domains, moves, relaxed, strict=True))
     ]
-    return compare_qualities(reports, same)
+    return compare_qualities(reports, same, judged)
 
 
 def same_connectivity(meshes: Sequence[Mesh]) -> bool:

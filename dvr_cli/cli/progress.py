@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Known(NamedTuple):
-    """What is known of a run while it goes on.
+    """Knowledge of a run while it goes on.
 
     time_limit: seconds that it may sweep. sweeps: how many it makes, where that is fixed. interrupted:
     whether it was asked to end. compiling: whether NumPy works until the compiled engine is there.
@@ -73,7 +73,7 @@ class Progress:
         self._renew()
 
     def pieces(self, room: int) -> list[str]:
-        """What is shown now, in pieces that fit into so many columns; the first is cut if it has to be."""
+        """The line as it is now, in pieces that fit into so many columns; the first is cut if need be."""
         fitting = self._all_pieces()
         while len(fitting) > 1 and sum(len(piece.text) + _GAP for piece in fitting) - _GAP > room:
             fitting.remove(min(fitting, key=lambda piece: piece.rank))

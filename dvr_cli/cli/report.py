@@ -23,6 +23,7 @@ QUALITY_EXAMPLES = (
 )
 COMPARE_EXAMPLES = (
     example("dvr report compare before.msh after.msh", "which is better; exit code 1 if the last is worse"),
+    example("dvr report compare before.msh after.msh --measure min-angle", "by the cells' smallest angles"),
 )
 
 
@@ -90,8 +91,8 @@ def compare(
     """Rank meshes by their quality vectors; exit with code 1 if the last is worse than the first.
 
     The vectors (for each relaxed vertex the worst quality around it, ascending) are compared at the first
-    component in which they differ. Elsewhere than on a terminal each mesh is a line of its rank and figures,
-    separated by tabs, in the order given.
+    component in which they differ; with --measure the values of all cells are, worst first. Elsewhere than on
+    a terminal each mesh is a line of its rank and figures, separated by tabs, in the order given.
     """
     from dvr_cli.api.measuring import compare_domains
     from dvr_cli.api.metric import metric_source
@@ -101,7 +102,7 @@ def compare(
     from dvr_cli.report.table import comparison_table
     from dvr_cli.report.text.comparison import comparison_text
 
-    paths, plot = [before, *after], given["plot"]
+    paths, plot, name, gates = [before, *after], given["plot"], given["measure"], gates_of(given)
     if plot is not None:
         check("--plot", plot, PICTURES, paths)
     meshes = [open_mesh(path, given["input_format"], given["mesh"]).mesh for path in paths]
@@ -112,21 +113,25 @@ def compare(
     names = [str(path) for path in paths]
     metric = metric_source(given["metric"])
     with naming(", ".join(names)):
-        comparison = compare_domains(meshes, domains, metric)
+        comparison = compare_domains(meshes, domains, metric, name)
+        failed = failures(gates, meshes[-1], meshes[-1].points, comparison.after.quality)
     if plot is not None:
         states = {
             name: (mesh.points, report.quality)
             for name, mesh, report in zip(_short(paths), meshes, comparison.reports, strict=True)
         }
         text = comparison_text(comparison, names)
-        write_picture(plot, meshes[0], states, "Comparison", text, kept=comparison.reports[0].kept)
+        kept = comparison.reports[0].kept
+        write_picture(plot, meshes[0], states, "Comparison", text, kept=kept, measure=name)
     if given["json"]:
         emit(as_json(comparison.record(names)))
     elif width := columns(sys.stdout):
         emit(comparison_text(comparison, names, width))
     else:
         emit(comparison_table(comparison, names))
-    return GATE_FAILED if comparison.better == "before" else DONE
+    for text in failed:
+        say(f"dvr: {paths[-1]}: {text}")
+    return GATE_FAILED if failed or comparison.better == "before" else DONE
 
 
 def _short(paths: list[Path]) -> list[str]:

@@ -60,7 +60,7 @@ OUTPUT = (
         None,
         "Draw the histogram, list the worst elements and colour pictures by this measure instead of the mean "
         f"ratio, and with --csv print its value for each cell: {', '.join(CELL_MEASURES)}.",
-        (*RUNS, "quality"),
+        (*RUNS, *REPORTS),
         "NAME",
         variants=dict.fromkeys(
             RUNS,
@@ -68,7 +68,13 @@ OUTPUT = (
                 help="Colour pictures and fill --quality-field with this measure instead of the mean ratio: "
                 f"{', '.join(CELL_MEASURES)}."
             ),
-        ),
+        )
+        | {
+            "compare": Variant(
+                help="Judge the meshes by this measure of their cells, the worst first, instead of their "
+                f"quality vectors, and colour pictures by it: {', '.join(CELL_MEASURES)}."
+            )
+        },
         panel="Reports",
     ),
     Option(
@@ -77,8 +83,14 @@ OUTPUT = (
         None,
         "Exit with code 1 if the worst quality is below Q, or the smallest value of a measure below VALUE. "
         "Can be repeated.",
-        (*RUNS, "quality"),
+        (*RUNS, *REPORTS),
         "Q|NAME=VALUE",
+        variants={
+            "compare": Variant(
+                help="Exit with code 1 if the worst quality of the last mesh is below Q, or its smallest "
+                "value of a measure below VALUE. Can be repeated."
+            )
+        },
         panel="Reports",
     ),
     Option(
@@ -86,8 +98,14 @@ OUTPUT = (
         TEXTS,
         None,
         "Exit with code 1 if the largest value of a measure is above VALUE. Can be repeated.",
-        (*RUNS, "quality"),
+        (*RUNS, *REPORTS),
         "NAME=VALUE",
+        variants={
+            "compare": Variant(
+                help="Exit with code 1 if the largest value of a measure of the last mesh is above VALUE. "
+                "Can be repeated."
+            )
+        },
         panel="Reports",
     ),
     Option(

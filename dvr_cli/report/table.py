@@ -30,11 +30,7 @@ def quality_table(report: QualityReport, path: str) -> str:
         (name, _exact(value), remark_on.get(name, ""))
         for name, value in quality_rows(report.quality, report.mesh.dimension)
     ]
-    rows += [
-        (f"{name} {column}", repr(value))
-        for name, values in measure_rows(report.measures)
-        for column, value in zip(MEASURE_COLUMNS, values, strict=True)
-    ]
+    rows += _measure_cells(report)
     by = report.distribution
     rows += [("judged by", by.measure.name)] if by.measure is not None else []
     rows += [(f"elements {label}", str(count)) for label, count in histogram_rows(by)]
@@ -47,11 +43,22 @@ def quality_table(report: QualityReport, path: str) -> str:
 def comparison_table(comparison: Comparison, paths: Sequence[str]) -> str:
     """The report of ``dvr report compare`` on the meshes at ``paths``: labels, then a line for each."""
     dimension = comparison.before.mesh.dimension
-    rows = [("mesh", "rank", *(name for name, _ in quality_rows(comparison.before.quality, dimension)))]
+    labels = [name for name, _ in quality_rows(comparison.before.quality, dimension)]
+    labels += [label for label, _ in _measure_cells(comparison.before)]
+    rows = [("mesh", "rank", *labels)]
     for path, rank, report in zip(paths, comparison.ranks, comparison.reports, strict=True):
-        values = (_exact(value) for _, value in quality_rows(report.quality, dimension))
-        rows.append((path, str(rank), *values))
+        values = [_exact(value) for _, value in quality_rows(report.quality, dimension)]
+        rows.append((path, str(rank), *values, *(value for _, value in _measure_cells(report))))
     return _lines(rows)
+
+
+def _measure_cells(report: QualityReport) -> list[tuple[str, str]]:
+    """Labels and figures of the measures in a report."""
+    return [
+        (f"{name} {column}", repr(value))
+        for name, values in measure_rows(report.measures)
+        for column, value in zip(MEASURE_COLUMNS, values, strict=True)
+    ]
 
 
 def _exact(value: Value) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
@@ -378,6 +379,55 @@ def test_ranking_many_meshes(dvr, terminal, tmp_path, order, ranks, code):
         str(paths[i]) for i in sorted(range(len(paths)), key=lambda i: ranks[i])
     ]
     assert shown[0].split()[:2] == ["rank", "Q1"]
+
+
+def test_comparing_by_a_measure(dvr, terminal, tmp_path):
+    """A mesh can have a better worst triangle, and the worse largest angle."""
+    flat, thin = [[0, 0], [1, 0], [0.5, 0.2], [0.5, -0.5]], [[0, 0], [1, 0], [1, 0.15], [0.5, -0.5]]
+    cells = {"triangle": [[0, 1, 2], [0, 3, 1]]}
+    paths = [write(tmp_path / f"{name}.msh", points, cells) for name, points in (("f", flat), ("t", thin))]
+    by_ratio = [read_json(dvr("report", "quality", path, "--json").out)["quality"]["min"] for path in paths]
+    assert by_ratio[0] > by_ratio[1]
+    angles = [180 - 2 * math.degrees(math.atan(0.4)), 90.0]  # of the upper triangle; the lower has 90°, too
+
+    result = dvr("report", "compare", *paths, "--measure", "max-angle", "--json")
+    record = read_json(result.out)
+    assert (result.code, record["judged_by"], record["better"]) == (0, "max-angle", "after")
+    assert record["first_difference"] == 1
+    worst = [mesh["measures"]["max-angle"]["worst"] for mesh in record["meshes"]]
+    assert worst == pytest.approx(angles)
+    back = dvr("report", "compare", *reversed(paths), "--measure", "max-angle")
+    assert back.code == 1
+    header, *rows = (line.split("\t") for line in back.out.splitlines())
+    assert [row[1] for row in rows] == ["1", "2"]
+    at = header.index("max-angle (deg) worst")
+    assert [float(row[at]) for row in rows] == pytest.approx(angles[::-1])
+    terminal(200)
+    shown = dvr("report", "compare", *paths, "--measure", "max-angle").out
+    assert shown.startswith(
+        f"after is better: {paths[1]}\nthe cells' values of max-angle, worst first, first "
+    )
+    found = re.search(r"component 1 of 2: (\S+) before, (\S+) after", shown)
+    assert [float(value) for value in found.groups()] == pytest.approx(angles)
+    assert re.search(r"^    worst \(deg\) +136.40 +90.00$", shown, re.MULTILINE)
+    same = dvr("report", "compare", paths[0], paths[0], "--measure", "max-angle")
+    assert same.code == 0
+    assert same.out.startswith("equal: the cells' values of max-angle, worst first, are the same")
+    ranking = dvr("report", "compare", *paths, paths[0], "--measure", "min-angle").out.splitlines()
+    assert ranking[0].split()[:4] == ["rank", "worst", "min-angle", "(deg)"]
+    assert [line.split()[0] for line in ranking[1:]] == ["1", "1", "3"]
+
+
+def test_gates_of_a_comparison_are_for_the_last_mesh(dvr, tmp_path):
+    before, after = fan(tmp_path / "a.msh"), fan(tmp_path / "b.msh", 0.5, 0.5)
+    passing = ["--fail-below", "min-angle=44", "--fail-above", "max-angle=91", "--fail-below", "0.8"]
+    assert dvr("report", "compare", before, after, *passing).code == 0
+    result = dvr("report", "compare", before, after, "--fail-above", "max-angle=89")
+    assert (result.code, result.err) == (1, f"dvr: {after}: the largest max-angle, 90.0000, is above 89\n")
+    assert dvr("report", "compare", before, after, "--fail-below", "0.9").code == 1
+    bad = dvr("report", "compare", before, after, "--fail-below", "roundness=1")
+    assert_one_line(bad, 2, "--fail-below", "roundness")
+    assert_one_line(dvr("report", "compare", before, after, "--measure", "face-skewness"), 3, "volume")
 
 
 def test_meshes_of_different_cells_are_not_compared(dvr, tmp_path):

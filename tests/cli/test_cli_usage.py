@@ -368,6 +368,9 @@ QUALITY = {
 COMPARE = {
     "--json": [],
     "--plot": ["{folder}/c.pdf"],
+    "--measure": ["skewness"],
+    "--fail-below": ["-1"],
+    "--fail-above": ["aspect-ratio=1e9"],
     "--regions": ["none"],
     "--metric": ["{folder}/m.sol"],
     "--input-format": ["gmsh"],
