@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import meshio
 import numpy as np
 
 import meshes
@@ -51,6 +52,13 @@ def run(quick: bool) -> None:
     header = ["vertices", "ranks", "tetrahedra of a rank's own", "bytes a tetrahedron", "of the lead"]
     memory = [[n, ranks, *_memory(ranks, n)] for n in sizes[-1:] for ranks in (2, 4)]
     print_table("Memory of a rank above that for a tiny mesh, not the lead's; and the lead's", header, memory)
+
+    header = ["vertices", "ranks", "tetrahedra of a rank's own", "peak MB of a rank", "bytes a tetrahedron"]
+    rows = [[n, ranks, *_in_shares(ranks, n)] for n in sizes for ranks in (2, 4)]
+    print_table("No rank has the mesh: the worst rank; bytes above a tiny mesh's", header, rows)
+    header = ["vertices", "reading, setting up, measuring twice, writing: in sweeps"]
+    alone = [[n, _job(1, "shares", n)[0]["seconds"] / one[n][0]["kernels"]] for n in sizes]
+    print_table("No rank has the mesh: one rank, which waits for nobody", header, alone)
 
     mesh = meshes.raw_tets(2_000 if quick else 1_000_000)
     problem = _problem(mesh)
@@ -153,7 +161,7 @@ def model(ranks: int, counted: Counts, update: float) -> list[object]:
 
 def _job(ranks: int, what: str, n: int) -> list[dict[str, float]]:
     """What each rank of a job says."""
-    path = meshes.path_of(meshes.random_tets, n)
+    path = _as_vtk(n) if what == "shares" else meshes.path_of(meshes.random_tets, n)
     beside = Path(sys.executable).with_name("mpiexec")
     command = [beside if beside.exists() else "mpiexec", "-n", ranks, sys.executable, __file__, what, path]
     words = [str(word) for word in command]
@@ -180,6 +188,24 @@ def _memory(ranks: int, n: int) -> list[object]:
     own = here[0]["tetrahedra"] / ranks
     more = [a["peak"] - b["peak"] for a, b in zip(here, tiny, strict=True)]
     return [round(own), max(more[1:]) / own, more[0] / own]
+
+
+def _in_shares(ranks: int, n: int) -> list[object]:
+    """Tetrahedra a rank, peak memory of the worst rank in MB, and bytes a tetrahedron above a tiny mesh's."""
+    here, tiny = _job(ranks, "shares", n), _job(ranks, "shares", 300)
+    own = here[0]["tetrahedra"] / ranks
+    more = [a["peak"] - b["peak"] for a, b in zip(here, tiny, strict=True)]
+    return [round(own), max(rank["peak"] for rank in here) / 1e6, max(more) / own]
+
+
+def _as_vtk(n: int) -> Path:
+    """The path of the binary VTK file of a mesh of n points, which this makes."""
+    path = meshes.path_of(meshes.random_tets, n)
+    vtk = path.with_suffix(".vtk")
+    if not vtk.exists():
+        mesh = meshes.load_mesh(path)
+        meshio.Mesh(mesh.points, [("tetra", mesh.cells[0].vertices)]).write(vtk)
+    return vtk
 
 
 def _problem(mesh: Mesh) -> Problem:
@@ -264,6 +290,24 @@ def _peak(comm, path: Path) -> dict[str, float]:
     return {"tetrahedra": float(tetrahedra), "peak": float(peak)}
 
 
+def _shares(comm, path: Path) -> dict[str, float]:
+    """Smooth by the command without a rank that has the mesh; peak memory, CPU seconds of all but sweeps."""
+    from dvr_cli.cli.main import main
+    from dvr_cli.files.vtk.ranges import ranges_of
+
+    with tempfile.TemporaryDirectory() as folder:
+        words = ["smooth", str(path), str(Path(folder) / "out.vtk"), "-d", "random", "--quiet"]
+        words += ["--no-report", "--engine", fastest(), "--mpi", "-n"]
+        assert main([*words, "2"]) == 0
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+        begin = time.process_time()
+        assert main([*words, "0"]) == 0
+        seconds = time.process_time() - begin
+        comm.Barrier()
+    ranges = ranges_of(path)
+    return {"tetrahedra": float(ranges.cells.count), "peak": float(peak), "seconds": seconds}
+
+
 def _as_rank(what: str, path: Path) -> None:
     from mpi4py import MPI
 
@@ -272,6 +316,7 @@ def _as_rank(what: str, path: Path) -> None:
         "sweeps": _sweeps,
         "exchange": _exchange,
         "memory": _peak,
+        "shares": _shares,
     }
     said = comm.gather(work[what](comm, path))
     if said is not None:

@@ -20,7 +20,7 @@ from dvr_cli.api.untangling import reference_quality, tangled_left, untangle_pha
 from dvr_cli.errors import OutputError
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
-from dvr_cli.quality.limits import FAIR, limit_of
+from dvr_cli.quality.limits import FAIR, HeldBy, limit_of
 from dvr_cli.quality.measure import Quality, mean_of_elements, measure
 from dvr_cli.quality.vector import at_least
 from dvr_cli.relax.directions import Entry, direction_field
@@ -32,7 +32,7 @@ from dvr_cli.relax.sweeps import Sweep
 from dvr_cli.report.records import ShapeUse, SmoothReport, summarise
 
 # the reasons for which relaxing on would gain nothing
-_DONE = (StopReason.CONVERGED, StopReason.NOTHING_TO_RELAX)
+DONE = (StopReason.CONVERGED, StopReason.NOTHING_TO_RELAX)
 _PERFECT = 1.0 - 1e-9  # quality from which there is nothing that could be better
 _ON_SURFACES = "narrowing"  # directions on surfaces in space where nobody gives any
 # The part of the bound on the deviation up to which vertices walk. Should the deviation as measured exceed
@@ -173,15 +173,16 @@ def _smoothed(
     if moves.unfolding is not None:
         run.phases.insert(0, unfold_phase(moves.unfolding, domain))
     limited_by = None
-    ended = run.stopped_because in _DONE or after.is_capped
-    if ended and not _has_nothing_to_gain(after, np.array_equal(points, mesh.points)):
+    ended = run.stopped_because in DONE or after.is_capped
+    if ended and not has_nothing_to_gain(after, np.array_equal(points, mesh.points)):
         mends = left["elements"] > left["hopeless"] and not untangling
         shape = None
         if domain.is_surface or options.boundary == "project":
             where = mesh, replace(domain, points=start_points), moves, selected, options.feature_angle
             shape = partial(held_by_shape, *where, engine.part_of_limit, bound)
-        held = _deselected(mesh, domain, options, masks, relaxed), _freer(mesh, domain, options, selected)
-        limited_by = limit_of(domain, points, relaxed, after, *held, mends, shape)
+        boundary = freer(mesh, domain, options.boundary, selected, options.feature_angle)
+        held_by = HeldBy(_deselected(mesh, domain, options, masks, relaxed), boundary, shape)
+        limited_by = limit_of(domain, points, relaxed, after, held_by, mends)
     plain = None
     if shapes.kept or shapes.metric:
         plain = measure(shapes.plain, mesh.points, relaxed), measure(shapes.plain, points, relaxed)
@@ -263,17 +264,17 @@ def _deselected(
     return {name: everywhere & ~mask for name, mask in masks.items()}
 
 
-def _freer(
-    mesh: Mesh, domain: Domain, options: SmoothOptions, selected: np.ndarray
+def freer(
+    mesh: Mesh, domain: Domain, boundary: str, selected: np.ndarray, feature_angle: float
 ) -> dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]]:
-    """The treatments of the boundary that free more vertices than that of the options, as in ``limit_of``.
+    """The treatments of the boundary that free more vertices than ``boundary``, as in ``limit_of``.
 
-    selected: (N,) bool, the vertices that selection and shape leave to move.
+    selected: (N,) bool, the vertices that selection and shape leave to move. feature_angle: degrees.
     """
-    others = () if domain.is_surface else BOUNDARIES[BOUNDARIES.index(options.boundary) + 1 :]
+    others = () if domain.is_surface else BOUNDARIES[BOUNDARIES.index(boundary) + 1 :]
 
     def freed(name: str, vertices: np.ndarray) -> np.ndarray:
-        moves = moves_of(mesh, domain.around(vertices), name, selected, options.feature_angle)
+        moves = moves_of(mesh, domain.around(vertices), name, selected, feature_angle)
         return np.isin(vertices, moves.relaxed)
 
     return {f"--boundary {name}": (partial(freed, name), BOUNDARY_KEEPS[name]) for name in others}
@@ -334,7 +335,7 @@ def is_worse(after: Quality, before: Quality) -> bool:
     return after.inverted > before.inverted or lower
 
 
-def _has_nothing_to_gain(after: Quality, unmoved: bool) -> bool:
+def has_nothing_to_gain(after: Quality, unmoved: bool) -> bool:
     """True if no advice would help: all is fair, and what can move is perfect or ended where it began."""
     if after.minimum >= _PERFECT:
         return True

@@ -35,17 +35,18 @@ def run(
     output: Path,
     work: Callable[..., tuple[np.ndarray, SmoothReport]],
     given: Mapping[str, Any],
+    apart: Callable[..., SmoothReport | None] = lambda *arguments: None,
 ) -> int:
     """Run a command that moves the vertices of a mesh and return its exit code; see ``dvr smooth --help``.
 
     work: ``smooth_mesh`` or the like; gets the mesh, and storage, on_sweep and interrupted by name. given:
-    the options of the command.
+    the options of the command. apart: does all of it but the report without the mesh in this process, where
+    it can; gets the paths of mesh, output and report, on_sweep and interrupted.
     """
     from dvr_cli.files import writing
     from dvr_cli.files.reading import open_mesh
     from dvr_cli.quality.measure import cell_field
     from dvr_cli.relax.engines.choice import has_numba, is_compiling
-    from dvr_cli.report.export import as_csv, as_json
 
     report, no_report, plot = given["report"], given["no_report"], given["plot"]
     output_format, quality_field = given["output_format"], given["quality_field"]
@@ -67,47 +68,53 @@ def run(
     if plot is not None:
         check("--plot", plot, PICTURES, [source, output, report])
 
+    notes: list[str] = []
+    failed: list[str] = []
     interrupt = Interrupt()
     fixed = given["max_iterations"] if given.get("preset") is not None else None  # presets fix the sweeps
     known = Known(given.get("time_limit"), fixed, lambda: interrupt.requested, is_compiling)
     with Progress(quiet, verbose, known) as progress:
         progress.show(f"reading {source}")
-        opened = open_mesh(source, given["input_format"], given["mesh"])
-        destination = writing.Output(
-            opened, output, output_format, (measure or "quality") if quality_field else None
-        )
-        progress.show("preparing")
         with interrupt:
-            with naming(source), naming(output, OutputError):
-                points, result = work(
-                    opened.mesh,
-                    storage=destination,
-                    on_sweep=progress.sweep,
-                    interrupted=lambda: interrupt.requested,
-                )
-                failed = failures(gates, opened.mesh, points, result.after)
-                if quality_field and measure is not None:
-                    from dvr_cli.quality.cell_measures import measure_field
+            asked = progress.sweep, lambda: interrupt.requested
+            result = apart((source, output, report), *asked)
+        if result is not None and report is not None:
+            _write_report(report, result, source, output)
+        if result is None:
+            opened = open_mesh(source, given["input_format"], given["mesh"])
+            destination = writing.Output(
+                opened, output, output_format, (measure or "quality") if quality_field else None
+            )
+            progress.show("preparing")
+            with interrupt:
+                with naming(source), naming(output, OutputError):
+                    points, result = work(
+                        opened.mesh,
+                        storage=destination,
+                        on_sweep=progress.sweep,
+                        interrupted=lambda: interrupt.requested,
+                    )
+                    failed = failures(gates, opened.mesh, points, result.after)
+                    if quality_field and measure is not None:
+                        from dvr_cli.quality.cell_measures import measure_field
 
-                    destination.fill(measure_field(opened.mesh, measure, points), points)
-                elif quality_field:
-                    destination.fill(cell_field(opened.mesh, result.after.elements), points)
-            progress.show(f"writing {output}")
-            with onto_stdout():  # what a file cannot take is an OutputError already
-                destination.write(points)
-            if report is not None and not page:
-                csv = report.suffix.lower() == ".csv"
-                text = as_csv(result.after) if csv else as_json(result.record(str(output), str(source)))
-                writing.write_text(report, text + "\n")
-            for picture in filter(None, [plot, report if page else None]):
-                progress.show(f"drawing {picture}")
-                from dvr_cli.report.text.summary import smooth_text
+                        destination.fill(measure_field(opened.mesh, measure, points), points)
+                    elif quality_field:
+                        destination.fill(cell_field(opened.mesh, result.after.elements), points)
+                progress.show(f"writing {output}")
+                with onto_stdout():  # what a file cannot take is an OutputError already
+                    destination.write(points)
+                notes = destination.notes
+                if report is not None and not page:
+                    _write_report(report, result, source, output)
+                for picture in filter(None, [plot, report if page else None]):
+                    progress.show(f"drawing {picture}")
+                    from dvr_cli.report.text.summary import smooth_text
 
-                summary = smooth_text(result, str(source), str(output))
-                states = {"before": (opened.mesh.points, result.before), "after": (points, result.after)}
-                write_picture(
-                    picture, opened.mesh, states, str(output), summary, result.sweeps, result.kept, measure
-                )
+                    summary = smooth_text(result, str(source), str(output))
+                    states = {"before": (opened.mesh.points, result.before), "after": (points, result.after)}
+                    more = result.sweeps, result.kept, measure
+                    write_picture(picture, opened.mesh, states, str(output), summary, *more)
     if not quiet:
         from dvr_cli.report.text.summary import smooth_text
 
@@ -115,7 +122,7 @@ def run(
         relaxing = sum(sweep["seconds"] for sweep in result.sweeps)
         if relaxing > _LONG and not has_numba():
             say("note: the compiled engine would be several times faster: pip install 'dvr-cli[fast]'")
-        for note in destination.notes:
+        for note in notes:
             say(f"note: {output}: {note}")
         if report is not None:
             say(f"report: {report}")
@@ -126,3 +133,12 @@ def run(
     for text in failed:
         say(f"dvr: {text}")
     return GATE_FAILED if failed else DONE
+
+
+def _write_report(path: Path, result: SmoothReport, source: Path, output: Path) -> None:
+    from dvr_cli.files import writing
+    from dvr_cli.report.export import as_csv, as_json
+
+    csv = path.suffix.lower() == ".csv"
+    text = as_csv(result.after) if csv else as_json(result.record(str(output), str(source)))
+    writing.write_text(path, text + "\n")

@@ -38,10 +38,10 @@ def smooth(
     pictured = given["plot"] is not None or is_page(given["report"])
     work = partial(smooth_mesh, options=options, means=pictured)
     if given["mpi"]:
+        from dvr_cli.cli.shares import smooth_in_shares
         from dvr_cli.distributed.job import world
         from dvr_cli.distributed.lead import LeadEngine
 
         work = partial(work, make=partial(LeadEngine, world()))
-    else:
-        work = partial(work, meanwhile=True)
-    return run(source, output, work, given)
+        return run(source, output, work, given, partial(smooth_in_shares, world(), options, given))
+    return run(source, output, partial(work, meanwhile=True), given)

@@ -11,7 +11,7 @@ from typing import Any
 from dvr_cli.errors import UsageError
 
 LEAD = 0  # the rank that reads, decides and writes
-JOIN, END = "join", "end"  # what a rank is asked to do beside the tasks of a member
+JOIN, CALL, END = "join", "call", "end"  # what a rank is asked to do beside the tasks of a member
 _STARTED = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE")  # where MPIs say how many processes they have started
 FAILED, _INTERRUPTED = 1, 130  # exit codes of a job that ends in the middle of a task
 

@@ -133,8 +133,13 @@ def joined(comm: Any, engine: str, threads: int) -> Member:
 
 def member_of(comm: Any, part: Part, kind: EngineKind, threads: int) -> Member:
     """The member with a part; kind: of its engine."""
-    if kind.backend is COMPILED:  # one of the ranks that share a place for results compiles, the others wait
+    take_turns(kind)
+    return Member(comm, part, kind.make(part.problem, threads))
+
+
+def take_turns(kind: EngineKind) -> None:
+    """Have one of the ranks that share a place for compiled kernels compile them, while the others wait."""
+    if kind.backend is COMPILED:
         from dvr_cli.jit import compile_in_turn
 
         compile_in_turn()
-    return Member(comm, part, kind.make(part.problem, threads))

@@ -6,7 +6,7 @@ import signal
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from dvr_cli.distributed.job import END, FAILED, JOIN, LEAD, ending_the_job
+from dvr_cli.distributed.job import CALL, END, FAILED, JOIN, LEAD, ending_the_job
 
 Result = TypeVar("Result")
 
@@ -45,6 +45,18 @@ def _tried(work: Callable[[], Result]) -> tuple[Result | None, BaseException | N
         return None, error
 
 
+def together(comm: Any, function: Callable[..., Result], arguments: tuple[Any, ...], *own: Any) -> Result:
+    """The result on the leading rank of a function that all ranks call at the same time.
+
+    function: of a module, first gets the communicator. arguments: the same for all ranks, and own: more for
+    this one. A failure ends the job.
+    """
+    comm.bcast((CALL, (function, *arguments)), LEAD)
+    with ending_the_job(comm):
+        return function(comm, *arguments, *own)
+    raise AssertionError("a failure has ended the job")
+
+
 def run_on_ranks(comm: Any, command: Callable[[], int]) -> int:
     """Run a command on the leading rank, and follow it on all others; returns its exit code on each."""
     if comm.rank != LEAD:
@@ -71,6 +83,9 @@ def follow(comm: Any) -> int:
                 from dvr_cli.distributed.member import joined  # loads NumPy
 
                 member = joined(comm, *arguments)
+            elif task == CALL:
+                function, *rest = arguments
+                function(comm, *rest)
             else:
                 assert member is not None
                 member.do(task, *arguments)

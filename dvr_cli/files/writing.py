@@ -157,20 +157,31 @@ def write_bytes(path: Path, data: bytes) -> None:
 @contextlib.contextmanager
 def _replacing(path: Path) -> Iterator[BinaryIO]:
     """A file that takes the place of ``path`` only once it is complete; links and permissions are kept."""
+    if is_stream(path):
+        with _naming(path), path.open("wb") as file:
+            yield file
+        return
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        yield file
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """The path of an empty file that takes the place of that at ``path``, unless there is an error.
+
+    Links and permissions are kept. OSErrors are raised as OutputErrors that name ``path``.
+    """
     with _naming(path):
-        if is_stream(path):
-            with path.open("wb") as file:
-                yield file
-            return
         target = Path(os.path.realpath(path))
         descriptor, name = tempfile.mkstemp(prefix=f".{target.name[:40]}.", dir=target.parent)
         temporary = Path(name)
         try:
-            with os.fdopen(descriptor, "wb") as file:
+            try:
                 os.fchmod(descriptor, _mode_for(target))
-                yield file
-                file.flush()
+                yield temporary
                 os.fsync(descriptor)
+            finally:
+                os.close(descriptor)
             temporary.replace(target)
         except BaseException:
             temporary.unlink(missing_ok=True)

@@ -235,6 +235,11 @@ def check_coordinates(points: np.ndarray) -> None:
         raise InputError(f"coordinates beyond {_LARGEST:g} cannot be computed with; choose another unit")
 
 
+def is_computable(points: np.ndarray) -> bool:
+    """True if all coordinates are finite and small enough to compute with."""
+    return bool(np.isfinite(points).all()) and float(np.abs(points).max(initial=0.0)) <= _LARGEST
+
+
 def check_rows(block: Cells) -> None:
     """Raise InputError unless a block has whole numbers, as many a cell as its type has nodes."""
     vertices = block.vertices

@@ -9,15 +9,21 @@ _BITS = {2: 31, 3: 21}  # of each coordinate, so that all fit 63 bits
 
 def morton_order(points: np.ndarray) -> np.ndarray:
     """(N,) the points (N, d), d = 2 or 3, in Morton order."""
+    if not len(points):
+        return np.empty(0, dtype=np.int64)
+    return np.argsort(morton_codes(points, points.min(axis=0), points.max(axis=0)), kind="stable")
+
+
+def morton_codes(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(n,) the places of points (n, d) on the curve; low, high: (d,) of the box of these and all others."""
     d = points.shape[1]
-    low = points.min(axis=0, initial=0.0) if not len(points) else points.min(axis=0)
-    extent = float((points.max(axis=0) - low).max()) if len(points) else 0.0
+    extent = float((high - low).max())
     scale = (2 ** _BITS[d] - 1) / extent if 0.0 < extent < np.inf else 0.0
     cell = ((points - low) * scale).astype(np.int64)
     code = np.zeros(len(points), dtype=np.int64)
     for i in range(d):
         code |= _spread(cell[:, i], d) << i
-    return np.argsort(code, kind="stable")
+    return code
 
 
 def _spread(x: np.ndarray, d: int) -> np.ndarray:

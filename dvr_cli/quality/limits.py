@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -50,24 +51,35 @@ class Limit:
     keeps: str = ""
 
 
+class HeldBy(NamedTuple):
+    """The reasons for which vertices may be held.
+
+    selection: for each option that selects, the vertices that could move and that it keeps, (N,) bool.
+    boundary: for each option that would free vertices of the boundary a function that says of (m,) vertices
+    which could move then, (m,) bool, and what keeps its shape, in words. shape: says of (m,) vertices how the
+    shape of a curved boundary or surface holds them, and what would free them; None where there is none.
+    """
+
+    selection: Mapping[str, np.ndarray]
+    boundary: Mapping[str, tuple[Callable[[np.ndarray], np.ndarray], str]]
+    shape: Callable[[np.ndarray], tuple[str, str] | None] | None = None
+
+
 def limit_of(
     domain: Domain,
     points: np.ndarray,
     relaxed: np.ndarray,
     quality: Quality,
-    deselected: Mapping[str, np.ndarray],
-    boundary: Mapping[str, tuple[Callable[[np.ndarray], np.ndarray], str]],
+    held_by: HeldBy,
     untangling_helps: bool = False,
-    shape: Callable[[np.ndarray], tuple[str, str] | None] | None = None,
+    names: np.ndarray | None = None,
 ) -> Limit:
     """The limit of the mesh with coordinates ``points`` (as its mesh gives them) and this quality.
 
-    relaxed: (m,) the relaxed vertices. deselected: for each option that selects the vertices that could move
-    and that it keeps, (N,) bool. boundary: for each option that would free vertices of the boundary a
-    function that says of (m,) vertices which could move then, (m,) bool, and what keeps its shape, in words.
-    untangling_helps: whether there are inverted elements that were not untangled and could be. shape: says of
-    (m,) vertices how the shape of a curved boundary or surface holds them, and what would free them.
+    relaxed: (m,) the relaxed vertices. untangling_helps: whether there are inverted elements that were not
+    untangled and could be. names: (N,) what vertices are called, by default their numbers.
     """
+    names = np.arange(len(points)) if names is None else names
     element = quality.worst[0]
     flat = domain.flatten(points)
     vertices, name = _worst_corner(domain, flat, element)
@@ -81,31 +93,32 @@ def limit_of(
 
         fan = min(fans(flat, domain.around(among).cells, among), key=lambda fan: fan.best, default=None)
         if fan is not None and fan.best < SEVERE and element.quality >= REACHED * fan.best:
-            where = f"{'vertex' if len(fan.vertices) == 1 else 'edge'} {'-'.join(map(str, fan.vertices))}"
+            called = names[list(fan.vertices)].tolist()
+            where = f"{'vertex' if len(called) == 1 else 'edge'} {'-'.join(map(str, called))}"
             text = f"{fan.n} elements meet at {where}, which allows {fan.best:.4f} at best"
-            return Limit("valence", fan.vertices[0], element, text, _REMESH)
+            return Limit("valence", called[0], element, text, _REMESH)
     if moves.any() and element.quality <= 0 and untangling_helps:
         text = f"{element.cell_type} {element.cell} is not positive, and these directions do not make it so"
         return Limit("tangled", None, element, text, "--untangle makes positive what it can")
     if element.quality <= 0 and _corners_are_positive(domain, flat, element):
         text = f"the curved shape of {element.cell_type} {element.cell} inverts it, not its vertices"
         return Limit("curved", None, element, text, "--straighten makes it straight")
-    for option, kept in deselected.items():
-        held = vertices[kept[vertices]]
+    for option, kept in held_by.selection.items():
+        held = names[vertices[kept[vertices]]]
         if len(held):
             text = f"{option} keeps {len(held)} of the {count} vertices of {name}"
             return Limit("selection", int(held[0]), element, text, f"let vertex {held[0]} move, too")
     on_boundary = ~domain.interior[vertices]
     if (on_boundary & ~moves).any():
-        for option, (frees, keeps) in boundary.items():
-            freed = vertices[frees(vertices) & ~moves]
+        for option, (frees, keeps) in held_by.boundary.items():
+            freed = names[vertices[frees(vertices) & ~moves]]
             if len(freed):
                 text = f"{name} has {on_boundary.sum()} of its {count} vertices on the boundary"
                 advice = f"{option} would free {len(freed)} of them"
                 return Limit("boundary", int(freed[0]), element, text, advice, keeps)
-    held = shape(vertices) if shape is not None else None
-    if held is not None:
-        return Limit("shape", None, element, f"{name}: {held[0]}", held[1])
+    shape = held_by.shape(vertices) if held_by.shape is not None else None
+    if shape is not None:
+        return Limit("shape", None, element, f"{name}: {shape[0]}", shape[1])
     if not moves.any():
         return Limit("fixed-cap", None, element, f"none of the {count} vertices of {name} can move", _REMESH)
     if element.quality <= 0:

@@ -16,7 +16,7 @@ from dvr_cli.mesh.simplex import Components, chunks, dot, edges_and_determinant,
 from dvr_cli.mesh.sums import mean
 
 DEGENERATE = 1e-10  # |Q| up to which an element counts as degenerate rather than positive or inverted
-_EXPONENT = 1  # of two, which no quality reaches
+EXPONENT = 1  # of two, which no quality reaches
 
 
 def weighted_norm(
@@ -68,7 +68,7 @@ def corner_qualities(
 
 def mean_quality(qualities: np.ndarray) -> float:
     """The mean of (n,) qualities, n > 0, in whatever order they are."""
-    return mean(qualities, _EXPONENT)
+    return mean(qualities, EXPONENT)
 
 
 def corner_terms(

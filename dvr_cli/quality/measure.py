@@ -156,10 +156,15 @@ def cell_field(mesh: Mesh, values: np.ndarray) -> list[np.ndarray]:
 
 def _quantiles(elements: np.ndarray) -> dict[float, float]:
     """Quantiles with linear interpolation between the two sorted values on either side."""
-    places = {q: q * (len(elements) - 1) for q in QUANTILES}
-    sides = {q: (int(place), min(int(place) + 1, len(elements) - 1)) for q, place in places.items()}
+    places, sides = quantile_places(len(elements))
     ordered = np.partition(elements, sorted({k for side in sides.values() for k in side}))
     return {q: float(np.interp(places[q], sides[q], ordered[list(sides[q])])) for q in QUANTILES}
+
+
+def quantile_places(n: int) -> tuple[dict[float, float], dict[float, tuple[int, int]]]:
+    """The place of each quantile of n sorted values, and the whole places on either side of that."""
+    places = {q: q * (n - 1) for q in QUANTILES}
+    return places, {q: (int(place), min(int(place) + 1, n - 1)) for q, place in places.items()}
 
 
 def _q1_element(

@@ -36,10 +36,7 @@ def coherent(domain: Domain) -> Targets | None:
     quality = corner_qualities(points, corners, domain.backend)
     worst = corners.by_cell(np.minimum, quality)
     positive = worst > FORMED[domain.dimension]
-    parts = corners.vertices, corners.shapes, corners.start, roots(corners.table)
-    likely = np.flatnonzero(domain.backend.twin(candidates)(points, *parts, quality, positive))
-    stretching = cells.from_corners(_stretching(points, corners, cells.around(likely) & positive))
-    seeds = likely[_log_aspect(cells.thrice(stretching)[likely]) >= np.log(SEED)] if len(likely) else likely
+    seeds = _seeds(domain, cells, quality, positive)
     sheets = _in_sheets(domain, cells, positive & (worst <= _best_quality(SEED, domain.dimension)))
     if not len(seeds) and not sheets.any():
         return None
@@ -52,6 +49,39 @@ def coherent(domain: Domain) -> Targets | None:
         return None
     held = cells.with_vertices(kept) & ~cells.with_vertices(~positive)
     return Targets(kept, held, float(np.exp(_log_aspect(stretching[kept]).max())))
+
+
+def any_seeds(domain: Domain, among: np.ndarray) -> bool:
+    """True if any of the tetrahedra marked in ``among`` ((n,) bool) would be a seed of what is kept.
+
+    domain: these, and all that can be reached from them in three steps between cells with a common vertex.
+    Tetrahedra make no sheets, so without a seed in the whole mesh none is kept.
+    """
+    quality = corner_qualities(domain.points, domain.corners, domain.backend)
+    positive = quality > FORMED[domain.dimension]
+    return bool(among[_seeds(domain, _Cells(domain), quality, positive, among)].any())
+
+
+def _seeds(
+    domain: Domain,
+    cells: _Cells,
+    quality: np.ndarray,
+    positive: np.ndarray,
+    among: np.ndarray | None = None,
+) -> np.ndarray:
+    """The cells, by number, that are stretched so much and so coherently that they are kept.
+
+    quality: (C,) of the corners. positive: (n,) bool, the cells that have a shape. among: (n,) bool, the
+    cells that are asked about, by default all.
+    """
+    corners, points = domain.corners, domain.points
+    parts = corners.vertices, corners.shapes, corners.start, roots(corners.table)
+    possible = domain.backend.twin(candidates)(points, *parts, quality, positive)
+    likely = np.flatnonzero(possible if among is None else possible & among)
+    if not len(likely):
+        return likely
+    stretching = cells.from_corners(_stretching(points, corners, cells.around(likely) & positive))
+    return likely[_log_aspect(cells.thrice(stretching)[likely]) >= np.log(SEED)]
 
 
 class _Cells:

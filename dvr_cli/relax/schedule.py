@@ -114,3 +114,34 @@ def colours(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence
             pending = pending[colour[ready[pending]] < 0]
             base += _COLOURS_AT_ONCE
     return colour[:-1]
+
+
+def colour_ready(
+    sequence: np.ndarray,
+    own: np.ndarray,
+    start: np.ndarray,
+    corner: np.ndarray,
+    vertices: np.ndarray,
+    turn: np.ndarray,
+    colour: np.ndarray,
+) -> None:
+    """Colour those vertices that do not wait for one without a colour, as ``colours`` would.
+
+    sequence: (k,) the positions that have no colour yet among the m vertices ``own``, by their turn. start,
+    corner: of an Incidence of these m; vertices: (C, d+1) of its corners. turn: (n,) of each vertex, the
+    largest number for those that are not relaxed. colour: (n,) of each, -1 for none; changed.
+    """
+    while len(sequence):
+        entries, first = row_entries(start, sequence)
+        row = np.repeat(np.arange(len(sequence)), np.diff(first))
+        others = vertices[corner[entries]]
+        taken = np.where(turn[others] < turn[own[sequence]][row][:, None], colour[others], colour.max() + 1)
+        waits = np.zeros(len(sequence), dtype=bool)
+        waits[row[(taken < 0).any(axis=1)]] = True
+        used = np.zeros((len(sequence), colour.max() + 3), dtype=bool)
+        used[np.repeat(row, taken.shape[1]), np.maximum(taken, -1).ravel()] = True
+        used[:, -2:] = False  # where those stand that do not count, or are waited for
+        if waits.all():
+            return
+        colour[own[sequence[~waits]]] = used[~waits].argmin(axis=1)
+        sequence = sequence[waits]

@@ -43,6 +43,39 @@ def colours(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence
     return colour
 
 
+@compiled
+def colour_ready(
+    sequence: np.ndarray,
+    own: np.ndarray,
+    start: np.ndarray,
+    corner: np.ndarray,
+    vertices: np.ndarray,
+    turn: np.ndarray,
+    colour: np.ndarray,
+) -> None:
+    """As ``schedule.colour_ready``."""
+    width = vertices.shape[1]
+    most = 1
+    for position in sequence:
+        most = max(most, (start[position + 1] - start[position]) * width + 1)
+    taken_by = np.full(most, -1, dtype=np.int64)  # the last position that found a colour taken
+    for position in sequence:
+        vertex, waits = own[position], False
+        for entry in range(start[position], start[position + 1]):
+            for k in range(width):
+                other = vertices[corner[entry], k]
+                if turn[other] < turn[vertex]:
+                    if colour[other] < 0:
+                        waits = True
+                    elif colour[other] < most:
+                        taken_by[colour[other]] = position
+        if not waits:
+            free = 0
+            while taken_by[free] == position:
+                free += 1
+            colour[vertex] = free
+
+
 @part
 def _first_free(start: int, stop: int, corner: np.ndarray, members: np.ndarray, colour: np.ndarray) -> int:
     """The first colour that none of the vertices of the corners of these entries has."""

@@ -67,7 +67,7 @@ def relax(
     start = time.perf_counter()
     if points is not None:
         engine.load(points)
-    if not len(engine.problem.relaxed):
+    if not engine.relaxes:
         return Relaxation(engine.points, [], StopReason.NOTHING_TO_RELAX)
     care = None if level is None else Care(engine, level, stopping)
     history = [engine.q1() if care is None else care.q1]

@@ -15,6 +15,7 @@ from mpi4py import MPI
 from dvr_cli.cli.main import main
 from dvr_cli.cli.progress import Progress
 from dvr_cli.distributed.member import Member
+from dvr_cli.files import reading
 
 RANK = MPI.COMM_WORLD.rank
 
@@ -35,8 +36,23 @@ def interrupted_member(member, *arguments):
     return moves(member, *arguments)
 
 
-moves = Member._moved
+def exchanging(member, batch):
+    if MPI.COMM_WORLD.size - 1 == RANK:
+        raise MemoryError("nothing left")
+    return exchanges(member, batch)
+
+
+def not_read(*arguments):
+    raise AssertionError("a rank reads the whole mesh")
+
+
+moves, exchanges = Member._moved, Member.exchange
 commands, codes, *fault = sys.argv[1:]
+if "in shares" in fault:
+    fault.remove("in shares")
+    reading.open_mesh = not_read
+if fault == ["a rank fails to send"]:
+    Member.exchange = exchanging
 if fault == ["a rank fails"]:
     Member._moved = failing
 if fault == ["interrupted"]:

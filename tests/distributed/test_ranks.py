@@ -150,7 +150,7 @@ def test_boundaries_on_which_vertices_walk_are_refused(tmp_path, on_ranks):
 
 
 def test_a_rank_that_fails_ends_the_job(tmp_path, on_ranks):
-    commands = commands_of(tmp_path, [("tetra", SWEEPS)], "--mpi")
+    commands = commands_of(tmp_path, [("hexahedron", SWEEPS)], "--mpi")
     done, ends = job(on_ranks, 3, tmp_path, commands, "a rank fails")
     assert done.returncode != 0
     assert ends is None
@@ -160,7 +160,7 @@ def test_a_rank_that_fails_ends_the_job(tmp_path, on_ranks):
 
 def test_an_interrupted_job_writes_what_it_has_reached(tmp_path, on_ranks):
     """All ranks get the signal, as from a terminal; the leading one ends the sweep that follows."""
-    runs = [("tetra", "-d random -n 9 --tol 0 --no-polish")]
+    runs = [("hexahedron", "-d random -n 9 --tol 0 --no-polish")]
     command = [word for word in commands_of(tmp_path, runs, "--mpi")[0] if word != "--quiet"]
     done, ends = job(on_ranks, 3, tmp_path, [command], "interrupted")
     assert ends == [130]
@@ -168,11 +168,11 @@ def test_an_interrupted_job_writes_what_it_has_reached(tmp_path, on_ranks):
     report = json.loads((tmp_path / "0.quality.json").read_text())
     assert report["stopped_because"] == "interrupted"
     assert len(report["sweeps"]) == 1
-    assert (tmp_path / "0.vtk").read_bytes() != (tmp_path / "tetra.vtk").read_bytes()
+    assert (tmp_path / "0.vtk").read_bytes() != (tmp_path / "hexahedron.vtk").read_bytes()
 
 
 def test_a_full_disk_ends_the_job_with_nothing_half_written(tmp_path, on_ranks):
-    commands = commands_of(tmp_path, [("tetra", SWEEPS)], "--mpi")
+    commands = commands_of(tmp_path, [("hexahedron", SWEEPS)], "--mpi")
     before = {path.name for path in tmp_path.iterdir()}
     done, ends = job(on_ranks, 3, tmp_path, commands, "a full disk")
     assert ends == [4], done.stderr

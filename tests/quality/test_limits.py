@@ -15,7 +15,7 @@ from dvr_cli.boundary.features import features_of
 from dvr_cli.files.reading import open_mesh
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
-from dvr_cli.quality.limits import limit_of
+from dvr_cli.quality.limits import HeldBy, limit_of
 from dvr_cli.quality.measure import measure
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.report.export import as_json
@@ -117,7 +117,7 @@ def test_many_tetrahedra_around_an_edge():
     mesh = Mesh(np.vstack([[[0, 0, -half], [0, 0, half]], rim]), [Cells("tetra", cells)])
     domain = domain_of(mesh)
     quality = measure(domain, mesh.points, np.array([1]))
-    found = limit_of(domain, mesh.points, np.array([1]), quality, {}, {})
+    found = limit_of(domain, mesh.points, np.array([1]), quality, HeldBy({}, {}))
     assert (found.kind, found.vertex) == ("valence", 0)
     assert found.text == f"14 elements meet at edge 0-1, which allows {quality.q1:.4f} at best"
 

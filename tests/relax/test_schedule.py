@@ -11,7 +11,7 @@ from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells
 from dvr_cli.mesh.rings import incidence_of
 from dvr_cli.relax.problem import build_problem
-from dvr_cli.relax.schedule import ORDERS, _scattered, batches
+from dvr_cli.relax.schedule import ORDERS, _scattered, batches, colour_ready, colours
 from meshes import KINDS, delaunay, random_mesh
 from needs import require
 
@@ -247,3 +247,32 @@ def test_the_order_of_the_relaxed_vertices_is_that_of_the_natural_schedule(kind)
     for corner in domain.corners.vertices.tolist():
         here = [v for v in corner if v in place]
         assert sorted(here, key=place.get) == sorted(here, key=visited.get)
+
+
+@pytest.mark.parametrize("backend", [NUMPY, COMPILED], ids=lambda backend: backend.suffix or "numpy")
+@pytest.mark.parametrize("kind", ["triangle", "mixed3d"])
+def test_colours_found_as_others_become_known_are_the_same(kind, backend):
+    """Two halves of the vertices take turns; each learns of the other's colours only between them."""
+    if backend is COMPILED:
+        require("numba")
+    incidence = incidence_of_mesh(random_mesh(kind, 3, n=4))
+    m = len(incidence.vertices)
+    sequence = np.random.default_rng(1).permutation(m)
+    turn = np.append(np.empty(m, dtype=np.int64), np.iinfo(np.int64).max)
+    turn[sequence] = np.arange(m)
+    own, colour = np.arange(m), np.full(m + 1, -1, dtype=np.int64)
+    vertices = np.where(incidence.members < 0, m, incidence.members)
+    halves = [sequence[sequence % 2 == half] for half in (0, 1)]
+    arrays = own, incidence.start, incidence.corner, vertices, turn
+    rounds = 0
+    while any(map(len, halves)):
+        known = colour.copy()
+        for half in (0, 1):
+            mine = known.copy()
+            backend.twin(colour_ready)(halves[half], *arrays, mine)
+            colour[halves[half]] = mine[halves[half]]
+            halves[half] = halves[half][colour[halves[half]] < 0]
+        rounds += 1
+    expected = colours(incidence.start, incidence.corner, incidence.members, sequence)
+    assert colour[:-1].tolist() == expected.tolist()
+    assert rounds > 1

@@ -50,6 +50,11 @@ class Engine(ABC):
         """Number of batches a sweep has."""
         return len(self.problem.batch_start) - 1
 
+    @property
+    def relaxes(self) -> bool:
+        """True if there is a vertex to relax."""
+        return len(self.problem.rings.vertices) > 0
+
     def load(self, points: np.ndarray) -> None:
         """Start from the coordinates ``points`` (N, d); they are copied.
 

@@ -1,0 +1,315 @@
+"""Smoothing a mesh that no rank has whole: from byte ranges of a file to its copy and a report.
+
+Ranks run the phases of a run side by side. What this does not do, ``smooth_mesh`` does with the mesh on the
+leading rank, and with the same result; so whatever is unusual is left to that.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dvr_cli.api.boundary import moves_of
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.phases import Run
+from dvr_cli.api.smoothing import DONE, freer, has_nothing_to_gain, is_worse
+from dvr_cli.distributed.job import LEAD
+from dvr_cli.distributed.member import take_turns
+from dvr_cli.distributed.ranks import on_all
+from dvr_cli.distributed.rows import bounds, owner_of, sent
+from dvr_cli.distributed.share_engine import ShareEngine
+from dvr_cli.distributed.share_quality import View, quality_of
+from dvr_cli.distributed.share_writing import write_copy
+from dvr_cli.distributed.shared_parts import Share, share_of
+from dvr_cli.distributed.shares import Local, Store
+from dvr_cli.errors import DvrError, InputError
+from dvr_cli.files.ranges import Ranges
+from dvr_cli.mesh.cell_types import CELL_TYPES
+from dvr_cli.mesh.domain import Domain, domain_of, is_computable
+from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.mesh.ranks import distinct
+from dvr_cli.quality.limits import HeldBy, Limit, limit_of
+from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities
+from dvr_cli.quality.measure import Quality
+from dvr_cli.quality.stretching import any_seeds
+from dvr_cli.relax.directions import direction_field
+from dvr_cli.relax.engines.choice import KINDS
+from dvr_cli.relax.phases import TANGLED
+from dvr_cli.relax.sweeps import Sweep
+from dvr_cli.report.records import MeshSummary, ShapeUse, SmoothReport, summarise
+
+_DIRECTIONS = ("random", "x", "y", "z", "axis", "steepest", "narrowing", "optimal")
+_REACH = 3  # steps between cells with a common vertex that the search for layers looks
+
+
+class Task(NamedTuple):
+    """The task of a job: ranges of ``source``, what is written at ``output``, and how vertices move.
+
+    engine: the name of a kind. vector: whether the leading rank gets quality vectors.
+    """
+
+    source: Path
+    ranges: Ranges
+    output: Path
+    options: SmoothOptions
+    engine: str
+    vector: bool
+
+
+class Hooks(NamedTuple):
+    """The functions that tell and ask the leading rank meanwhile, see ``sweeps.relax``."""
+
+    on_sweep: Callable[[Sweep], None] | None = None
+    interrupted: Callable[[], bool] = lambda: False
+
+
+def takes(options: SmoothOptions) -> bool:
+    """True if a run with these options needs no rank that has the whole mesh.
+
+    These are sweeps along directions that do not depend on the mesh as a whole.
+    """
+    named = all(isinstance(entry, str) and entry in _DIRECTIONS for entry in options.entries)
+    selects = bool(options.fix or options.only) or options.below is not None or options.vertices is not None
+    return (
+        named
+        and not (options.is_free or options.takes_patches or options.takes_polish or options.untangle)
+        and not selects
+        and options.metric is None
+        and len(options.region_choice) == 0
+        and options.boundary == "fixed"
+        and options.order == "coloured"
+        and options.shape in ("auto", "ideal")
+        and options.stopping.time_limit is None
+    )
+
+
+def smooth_shares(comm: Any, task: Task, hooks: Hooks | None = None) -> SmoothReport | DvrError | None:
+    """Smooth a mesh of which each rank reads and writes a part, on all ranks together.
+
+    hooks: of the leading rank. Returns there the report, or the error with which it has ended; on all ranks
+    None, with nothing written, where the mesh has to be on one rank for the result of ``smooth_mesh``: where
+    anything is wrong with it, a cell is not positive, or layers may have to be kept.
+    """
+    try:
+        changed = on_all(comm, lambda: _changed(task.source))
+        read = on_all(comm, partial(_read, comm, task))
+    except DvrError as error:
+        return error
+    if not _agree(comm, read[1] is not None):
+        return None
+    points, cells = read
+    assert cells is not None
+    take_turns(KINDS[task.engine])
+    store = Store(comm, task.ranges.points.count, task.ranges.cell_type, points, cells)
+    del points, cells, read
+    mine = _prepared(comm, store, task.options, KINDS[task.engine].backend)
+    if mine is None:
+        return None
+    report, moved = _smoothed(comm, store, mine, task, hooks or Hooks())
+    if report is None:
+        return None
+    if not _agree(comm, _changed(task.source) == changed):
+        return InputError(f"{task.source}: it has changed while it was being smoothed")
+    rows = task.ranges.points
+    own = mine.share.own
+    first, values = _for_file(comm, store, task, (mine.local.index[own], moved[own]))
+    return write_copy(comm, task.source, task.output, rows, first, values) or report
+
+
+def _changed(source: Path) -> int:
+    """When a file was last changed; raises InputError where it is no more."""
+    try:
+        return source.stat().st_mtime_ns
+    except OSError as error:
+        raise InputError(f"{source}: {(error.strerror or str(error)).lower()}") from error
+
+
+def _agree(comm: Any, good: bool) -> bool:
+    """True if it is good on all ranks."""
+    return all(comm.allgather(good))
+
+
+def _read(comm: Any, task: Task) -> tuple[np.ndarray, np.ndarray | None]:
+    """The coordinates and cells that this rank reads; no cells where they are not what the ranges say."""
+    source, ranges = task.source, task.ranges
+    try:
+        first, last = bounds(ranges.points.count, comm.size)[comm.rank : comm.rank + 2].tolist()
+        points = ranges.points.read(source, first, last).astype(np.float64, copy=False)
+        first, last = bounds(ranges.cells.count, comm.size)[comm.rank : comm.rank + 2].tolist()
+        cells = ranges.cells_of(source, first, last, CELL_TYPES[ranges.cell_type].nodes)
+    except OSError as error:
+        raise InputError(f"{source}: {(error.strerror or str(error)).lower()}") from error
+    if cells is not None and (not is_computable(points) or not _names_vertices(cells, ranges.points.count)):
+        return points, None
+    return points, cells
+
+
+def _names_vertices(cells: np.ndarray, n: int) -> bool:
+    """True if each of the cells (c, k) names k of n vertices, no one twice."""
+    ordered = np.sort(cells, axis=1)
+    if not len(cells) or ordered[:, 0].min() < 0 or ordered[:, -1].max() >= n:
+        return not len(cells)
+    return bool((ordered[:, 1:] != ordered[:, :-1]).all())
+
+
+class _Mine(NamedTuple):
+    """The work of a rank: its cells and their domain, its share, and its view of the whole."""
+
+    local: Local
+    domain: Domain
+    share: Share
+    view: View
+
+
+def _prepared(comm: Any, store: Store, options: SmoothOptions, backend: Any) -> _Mine | None:
+    """The work of this rank; None on all ranks where the mesh has to be on one, see ``smooth_shares``."""
+    if not _agree(comm, len(store.ids) > 0):
+        return None
+    if options.shape == "auto" and _has_layers(comm, store, backend):
+        return None
+    local = store.local(store.ids, store.cells)
+    domain = _positive_domain(comm, local, backend)
+    if domain is None:
+        return None
+    share = share_of(comm, store, local, domain, domain.interior)
+    own = np.flatnonzero(share.own & share.relaxed)
+    domain = replace(domain, cell_ids=local.cells)
+    view = View(domain, store.owned(store.cells), share.relaxed, own, local.index[own])
+    return _Mine(local, domain, share, view)
+
+
+def _positive_domain(comm: Any, local: Local, backend: Any) -> Domain | None:
+    """The domain of a rank's mesh; None on all ranks where any cell is not positive or there twice.
+
+    All have to be stored in one orientation.
+    """
+    domain = domain_of(local.mesh, backend=backend)
+    quality = corner_qualities(domain.points, domain.corners, backend)
+    ways = set(comm.allgather(domain.mirrored / len(local.cells)))
+    good = not len(domain.repeated) and bool((quality > DEGENERATE).all())
+    return domain if _agree(comm, good and len(ways) == 1 and ways <= {0.0, 1.0}) else None
+
+
+def _has_layers(comm: Any, store: Store, backend: Any) -> bool:
+    """True on all ranks if any has cells whose stretching is coherent: whether to keep them is not said."""
+    ids, cells = store.within(_REACH)
+    domain = domain_of(store.local(ids, cells).mesh, backend=backend)
+    repeated = len(domain.repeated) > 0
+    return not _agree(comm, not repeated and not any_seeds(domain, store.owned(cells)))
+
+
+def _smoothed(
+    comm: Any, store: Store, mine: _Mine, task: Task, hooks: Hooks
+) -> tuple[SmoothReport | None, np.ndarray]:
+    """The report, None where the result is not what it should be, and the rank's coordinates reached."""
+    local, domain, share, view = mine
+    options, kind = task.options, KINDS[task.engine]
+    field = direction_field(options.entries, domain, {}, options.seed, options.center, options.axis)
+    before = quality_of(comm, view, domain.points, task.vector)
+    start = time.perf_counter()
+    engine = ShareEngine(comm, kind, share, options.threads)
+    everywhere = np.ones(len(local.index), dtype=bool)
+    moves = moves_of(local.mesh, domain, options.boundary, everywhere, options.feature_angle)
+    run = Run(domain, moves, engine, options, hooks.on_sweep, _asked(comm, hooks.interrupted), 0.0)
+    run.relax(field)
+    points = run.points
+    after = quality_of(comm, view, points, task.vector)
+    seconds = time.perf_counter() - start
+    if is_worse(after, before):
+        return None, points
+    unmoved = _agree(comm, np.array_equal(points, domain.points))
+    limited_by = None
+    ended = run.stopped_because in DONE or after.is_capped
+    if ended and not has_nothing_to_gain(after, unmoved):
+        limited_by = _limit(comm, store, mine, points, after, options)
+    report = SmoothReport(
+        shape=ShapeUse(options.shape_mode, 0, 1.0),
+        mesh=_summary(comm, store, mine, task.ranges),
+        relaxed=comm.allreduce(len(view.own)),
+        before=before,
+        after=after,
+        phases=run.phases,
+        sweeps=[asdict(sweep) for sweep in run.sweeps],
+        stopped_because=run.stopped_because,
+        limited_by=limited_by,
+        left=dict.fromkeys(TANGLED, 0),
+        level=run.level,
+        seconds=seconds,
+        engine=kind.name_of(engine),
+        threads=engine.threads,
+        options=options.record() | {"untangle": False},
+    )
+    return report, points
+
+
+def _asked(comm: Any, interrupted: Callable[[], bool]) -> Callable[[], bool]:
+    """The answer of the leading rank, on all ranks."""
+    return lambda: bool(comm.bcast(interrupted() if comm.rank == LEAD else None, LEAD))
+
+
+def _summary(comm: Any, store: Store, mine: _Mine, ranges: Ranges) -> MeshSummary:
+    """The summary of the whole mesh."""
+    return replace(
+        summarise(mine.local.mesh, mine.domain),
+        points=store.size,
+        cells={ranges.cell_type: ranges.cells.count},
+        mirrored=ranges.cells.count if mine.domain.mirrored else 0,
+        orphans=store.size - comm.allreduce(int(mine.share.own.sum())),
+    )
+
+
+def _limit(
+    comm: Any, store: Store, mine: _Mine, points: np.ndarray, after: Quality, options: SmoothOptions
+) -> Limit | None:
+    """The limit of the whole, on the leading rank: from the cells around the worst ones alone."""
+    local, domain, share, _ = mine
+    place = np.flatnonzero(np.isin(local.cells, [element.cell for element in after.worst]))
+    named = distinct(local.number[domain.corners.vertices[place].ravel()])
+    named = distinct(np.concatenate(comm.allgather(named)))
+    ids, cells = store.around(named if comm.rank == LEAD else named[:0])
+    numbers = distinct(cells.ravel())
+    rows = np.zeros((store.count, 9))
+    rows[:, 0], rows[:, 1:4], rows[:, 4:7] = store.index, store.points, store.points
+    own = local.number[share.own] - store.first
+    rows[own, 4:7] = points[share.own]
+    rows[own, 7], rows[own, 8] = domain.interior[share.own], share.relaxed[share.own]
+    around, _ = store.of_others(numbers, rows)
+    if comm.rank != LEAD:
+        return None
+    order = np.argsort(around[:, 0])
+    vertex = np.empty(len(order), dtype=np.int64)
+    vertex[order] = np.arange(len(order))
+    around = around[order]
+    # two vertices more, of no cell, so that the mesh is as large as the whole
+    corners = np.stack([store.low, store.high])
+    block = Cells(local.mesh.cells[0].type, vertex[np.searchsorted(numbers, cells)])
+    small = Mesh(np.concatenate([around[:, 1:4], corners]), [block])
+    near = replace(domain_of(small), interior=np.append(around[:, 7], (0.0, 0.0)).astype(bool), cell_ids=ids)
+    free = np.ones(len(small.points), dtype=bool)
+    return limit_of(
+        near,
+        np.concatenate([around[:, 4:7], corners]),
+        np.flatnonzero(around[:, 8]),
+        after,
+        HeldBy({}, freer(small, near, options.boundary, free, options.feature_angle)),
+        names=np.append(around[:, 0].astype(np.int64), (-1, -1)),
+    )
+
+
+def _for_file(comm: Any, store: Store, task: Task, moved: tuple[np.ndarray, np.ndarray]) -> Any:
+    """The first row that this rank writes, and its rows: those it has read, with what its owners moved.
+
+    moved: the indices and coordinates of the vertices that this rank owns.
+    """
+    limits = bounds(store.size, comm.size)
+    index, points = sent(comm, owner_of(moved[0], limits), *moved)
+    first, last = limits[comm.rank : comm.rank + 2].tolist()
+    rows = task.ranges.points.read(task.source, first, last).astype(np.float64, copy=False)
+    rows[index - first] = points
+    return first, rows

@@ -1,0 +1,45 @@
+"""Rows that ranks send one another: to where they belong, or as answers to questions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+
+def bounds(n: int, ranks: int) -> np.ndarray:
+    """(ranks + 1,) the first of 0 .. n-1 that belongs to each rank, in ranges of one size but for one."""
+    return np.array([n * rank // ranks for rank in range(ranks + 1)], dtype=np.int64)
+
+
+def owner_of(numbers: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """The rank that each number belongs to; bounds: as that function gives them."""
+    return np.searchsorted(bounds, numbers, side="right") - 1
+
+
+def sent(comm: Any, to: np.ndarray, *columns: np.ndarray) -> list[np.ndarray]:
+    """The rows of some arrays that all ranks send to this one, in the order of ranks; each array of them.
+
+    to: (n,) the rank that each row is for. Rows for one rank keep their order.
+    """
+    order = np.argsort(to, kind="stable")
+    cuts = np.searchsorted(to[order], np.arange(1, comm.size))
+    parts = [np.split(column[order], cuts) for column in columns]
+    arrived = comm.alltoall([tuple(part[rank] for part in parts) for rank in range(comm.size)])
+    return [np.concatenate(column) for column in zip(*arrived, strict=True)]
+
+
+def asked(
+    comm: Any, keys: np.ndarray, of: np.ndarray, answer: Callable[[np.ndarray], np.ndarray]
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """The answers of other ranks, one row for each of ``keys`` (n,); and what each rank has asked this one.
+
+    of: (n,) the rank that is asked for each. answer: gives the rows for what this rank is asked.
+    """
+    order = np.argsort(of, kind="stable")
+    questions = comm.alltoall(np.split(keys[order], np.searchsorted(of[order], np.arange(1, comm.size))))
+    answers = np.concatenate(comm.alltoall([answer(question) for question in questions]))
+    rows = np.empty_like(answers)
+    rows[order] = answers
+    return rows, questions

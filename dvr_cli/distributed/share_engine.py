@@ -1,0 +1,117 @@
+"""The engine of each rank where no rank has the whole problem: all of them run the same phases side by side.
+
+What phases decide by is the same on all ranks, as it comes from all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from dvr_cli.distributed.member import Member, member_of
+from dvr_cli.distributed.shared_parts import Share
+from dvr_cli.relax.directions import DirectionField
+from dvr_cli.relax.engines.choice import EngineKind
+from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.polish import Aim
+from dvr_cli.relax.steepest import Ascent
+
+
+class ShareEngine(Engine):
+    """Moves the vertices of a rank's share; ghosts follow those of other ranks after each batch.
+
+    Coordinates go in and come out in the order of the rank's mesh. All ranks have to call everything that
+    moves vertices or says something of the whole together.
+    """
+
+    def __init__(self, comm: Any, kind: EngineKind, share: Share, threads: int | None) -> None:
+        """kind: of the engine on each rank. threads: of each rank, None for one."""
+        super().__init__(share.part.problem)
+        self._comm, self._share, self.backend = comm, share, kind.backend
+        self._member: Member = member_of(comm, share.part, kind, 1 if threads is None else threads)
+        self.threads = self._member.engine.threads
+        self._relaxes = any(comm.allgather(super().relaxes))
+
+    @property
+    def relaxes(self) -> bool:
+        """True if there is a vertex to relax on any rank."""
+        return self._relaxes
+
+    def load(self, points: np.ndarray) -> None:
+        """Start from the coordinates (n, d) of the rank's mesh."""
+        self._set(np.asarray(points, dtype=np.float64)[self._share.place])
+
+    @property
+    def points(self) -> np.ndarray:
+        """(n, d) copy of the coordinates of the rank's mesh."""
+        reached = self._get()
+        points = np.empty_like(reached)
+        points[self._share.place] = reached
+        return points
+
+    def q1(self) -> float:
+        """Q1 of the whole, infinite if nothing is relaxed."""
+        mine = (-np.inf, (0, 0), np.inf)
+        if len(self.problem.touched.vertices):
+            badness, corner, quality = self._member.engine.worst()
+            mine = badness, self._share.turn_of(corner), quality
+        found = self._comm.allgather(mine)
+        worst = max(one[0] for one in found)
+        same = [one for one in found if one[0] == worst]
+        if worst == np.inf:
+            return min(one[2] for one in same)
+        return min(same, key=lambda one: one[1])[2]
+
+    def directions(
+        self, field: DirectionField, sweep: int, active: np.ndarray | None = None
+    ) -> np.ndarray | Ascent:
+        return self._member.engine.directions(field, sweep, active)
+
+    def move_batch(
+        self,
+        batch: int,
+        directions: np.ndarray | Ascent,
+        active: np.ndarray | None = None,
+        enough: float = 0.0,
+    ) -> int:
+        return self._followed(batch, self._member.engine.move_batch(batch, directions, active, enough))
+
+    def keep_altitude(self, bound: float) -> None:
+        """As in Engine; bound: what the rank's own cells allow, of which the least counts."""
+        least = min(self._comm.allgather(bound))
+        super().keep_altitude(least)
+        self._member.engine.keep_altitude(least)
+
+    # ------------------------------------------------------------------------------ of Engine
+
+    def _moved(self, lo: int, hi: int, move: Callable[[], int], limit: float, by_ring: bool) -> int:
+        return move()  # the rank's engine keeps to the altitude
+
+    def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray, enough: float) -> int:
+        return self._followed(batch, self._member.engine.relax_batch(batch, directions, enough))
+
+    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float, aim: Aim) -> int:
+        return self._followed(batch, self._member.engine.polish_batch(batch, directions, limit, aim))
+
+    def _steepest(self, batch: int, lo: int, hi: int, band: float, active: np.ndarray) -> None:
+        self._directions = self._member.engine.steepest(batch, band, active)
+
+    def _mean_ascent(self, batch: int, lo: int, hi: int, aim: Aim, active: np.ndarray) -> None:
+        self._directions = self._member.engine.mean_ascent(batch, aim, active)
+
+    def _worst_corner(self) -> tuple[int, float]:
+        badness, corner, _ = self._member.engine.worst()
+        return corner, badness
+
+    def _set(self, points: np.ndarray) -> None:
+        self._member.engine.restore((points, None))
+
+    def _get(self) -> np.ndarray:
+        return self._member.engine.coordinates
+
+    def _followed(self, batch: int, moved: int) -> int:
+        """Exchange the vertices of a batch; returns how many moved on all ranks, ``moved`` on this one."""
+        self._member.exchange(batch)
+        return int(self._comm.allreduce(moved))

@@ -1,0 +1,146 @@
+"""The quality of a mesh that no rank has whole: ``quality.measure`` without gathering what it looks at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dvr_cli.distributed.job import LEAD
+from dvr_cli.mesh.domain import Domain
+from dvr_cli.mesh.sums import mean_of_total, total
+from dvr_cli.quality.mean_ratio import DEGENERATE, EXPONENT, corner_qualities
+from dvr_cli.quality.measure import HISTOGRAM_BINS, QUANTILES, Element, Quality, element_of, quantile_places
+from dvr_cli.quality.measures import measured
+from dvr_cli.quality.vector import ring_minima
+
+_LEAST = ("min_angle", "min_altitude")  # of the measures those of which the whole has the least of all ranks
+_WORST = 10
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """The mesh of a rank, and which of it the rank answers for, in cells of one corner each.
+
+    domain: all cells with a vertex that the rank owns; domain.cell_ids: their ids in the whole. cells: (c,)
+    bool, those that it owns. relaxed: (n,) bool, vertices that move, on whatever rank. own: (m,) those of
+    them that it owns, ascending, and index: (m,) theirs in the whole.
+    """
+
+    domain: Domain
+    cells: np.ndarray
+    relaxed: np.ndarray
+    own: np.ndarray
+    index: np.ndarray
+
+
+def quality_of(comm: Any, view: View, points: np.ndarray, vector: bool) -> Quality:
+    """The quality of the whole with coordinates ``points`` (n, d) of the rank's mesh, on all ranks.
+
+    vector: whether the leading rank gets the quality vector and its vertices; those of others are empty, as
+    ``elements`` are on all.
+    """
+    domain, corners = view.domain, view.domain.corners
+    by_corner = corner_qualities(points, corners, domain.backend)
+    elements = by_corner[view.cells]
+    touched = view.relaxed[corners.vertices].any(axis=1)
+    minima = ring_minima(by_corner, corners, len(points), domain.backend)[view.own]
+    count = comm.allreduce(len(elements))
+    counts, _ = np.histogram(np.clip(elements, 0.0, 1.0), bins=HISTOGRAM_BINS, range=(0.0, 1.0))
+    mean = mean_of_total(comm.allreduce(total(elements, EXPONENT)), count, EXPONENT)
+    worst = _first(comm, view, points, by_corner, view.cells, _WORST)
+    q1 = _first(comm, view, points, by_corner, view.cells & touched, 1)
+    fixed = _least(comm, by_corner[view.cells & ~touched])
+    ordered = np.sort(elements)
+    return Quality(
+        q1=_least(comm, minima),
+        q1_element=q1[0] if q1 else None,
+        fixed_cap=fixed,
+        minimum=worst[0].quality,
+        mean=mean,
+        quantiles=_quantiles(comm, ordered, count),
+        inverted=comm.allreduce(int((elements < -DEGENERATE).sum())),
+        uncertain=0,
+        degenerate=comm.allreduce(int((np.abs(elements) <= DEGENERATE).sum())),
+        measures=_measures(comm, measured(domain, points)),
+        histogram=sum(comm.allgather(counts)),
+        worst=worst,
+        elements=np.empty(0),
+        **_vector(comm, minima, view.index, vector),
+    )
+
+
+def _least(comm: Any, values: np.ndarray) -> float | None:
+    """The least of the values of all ranks, None if there are none."""
+    least = min(comm.allgather(float(values.min(initial=np.inf))))
+    return None if least == np.inf else least
+
+
+def _measures(comm: Any, mine: dict[str, float | None]) -> dict[str, float | None]:
+    """The measures of the whole; mine: those of this rank's cells, of which some are others' as well."""
+    result: dict[str, float | None] = {}
+    for name in mine:
+        found = [each[name] for each in comm.allgather(mine) if each[name] is not None]
+        result[name] = (min(found) if name in _LEAST else max(found)) if found else None
+    return result
+
+
+def _first(
+    comm: Any, view: View, points: np.ndarray, values: np.ndarray, which: np.ndarray, number: int
+) -> list[Element]:
+    """The first cells of all ranks by value, then by id; which: (c,) bool, those that count here."""
+    cells = np.flatnonzero(which)
+    if len(cells) > number:
+        cells = cells[values[cells] <= np.partition(values[cells], number - 1)[number - 1]]
+    cells = cells[np.argsort(values[cells], kind="stable")][:number]
+    mine = [element_of(view.domain, points, values, int(cell)) for cell in cells]
+    found = [element for elements in comm.allgather(mine) for element in elements]
+    return sorted(found, key=lambda element: (element.quality, element.cell))[:number]
+
+
+def _quantiles(comm: Any, ordered: np.ndarray, count: int) -> dict[float, float]:
+    """The quantiles of the values of all ranks; ordered: this rank's, ascending; count: of all."""
+    places, sides = quantile_places(count)
+    wanted = sorted({k for side in sides.values() for k in side})
+    value = dict(zip(wanted, _of_rank(comm, ordered, np.array(wanted)), strict=True))
+    return {q: float(np.interp(places[q], sides[q], [value[k] for k in sides[q]])) for q in QUANTILES}
+
+
+def _of_rank(comm: Any, ordered: np.ndarray, wanted: np.ndarray) -> list[float]:
+    """The values at some places of the sorted values of all ranks, by halving the range of numbers.
+
+    As 64 bits numbers have an order that is theirs, so 64 halvings find each.
+    """
+    keys = _keys(ordered)
+    low = np.zeros(len(wanted), dtype=np.uint64)
+    for bit in range(63, -1, -1):
+        middle = low | np.uint64(1 << bit)
+        below = sum(comm.allgather(np.searchsorted(keys, middle)))
+        low = np.where(below <= wanted, middle, low)
+    return _of_keys(low).tolist()
+
+
+def _keys(values: np.ndarray) -> np.ndarray:
+    """Whole numbers in the order of ``values``, float64."""
+    bits = (values + 0.0).view(np.uint64)  # one zero
+    sign = np.uint64(1 << 63)
+    return np.where(bits & sign, ~bits, bits | sign)
+
+
+def _of_keys(keys: np.ndarray) -> np.ndarray:
+    sign = np.uint64(1 << 63)
+    return np.where(keys & sign, keys ^ sign, ~keys).view(np.float64)
+
+
+def _vector(comm: Any, minima: np.ndarray, index: np.ndarray, wanted: bool) -> dict[str, np.ndarray]:
+    """The quality vector and its vertices on the leading rank, if wanted."""
+    nothing = {"vector": np.empty(0), "vertices": np.empty(0, dtype=np.int64)}
+    if not wanted:
+        return nothing
+    found = comm.gather((minima, index), LEAD)
+    if found is None:
+        return nothing
+    values, vertices = (np.concatenate(part) for part in zip(*found, strict=True))
+    order = np.lexsort((vertices, values))
+    return {"vector": values[order], "vertices": vertices[order]}

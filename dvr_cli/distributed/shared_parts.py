@@ -1,0 +1,128 @@
+"""The part of a rank made from its share alone, as ``parts.Partition`` cuts it out of a whole problem."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dvr_cli.distributed.colouring import colours, turns
+from dvr_cli.distributed.parts import Part, Shared
+from dvr_cli.distributed.shares import Local, Store
+from dvr_cli.mesh.corners import Simplices
+from dvr_cli.mesh.domain import Domain
+from dvr_cli.mesh.rings import incidence_of
+from dvr_cli.relax.problem import Problem, touched_corners
+
+
+@dataclass(frozen=True, eq=False)
+class Share:
+    """The part of a rank, and how it lies in the rank's mesh and in the whole.
+
+    place: (n,) the vertices of the rank's mesh in the order of the part. own, relaxed: (n,) bool, of the
+    vertices of that mesh those that the rank owns, and those that move, on whatever rank.
+    number: (n,) of the vertices of the part, and cells: (c,) ids of the cells of that mesh, in the whole.
+    """
+
+    part: Part
+    place: np.ndarray
+    own: np.ndarray
+    relaxed: np.ndarray
+    number: np.ndarray
+    cells: np.ndarray
+
+    def turn_of(self, corner: int) -> tuple[int, int]:
+        """The place of a touched corner in the order that the touched corners of the whole problem have."""
+        problem = self.part.problem
+        lowest = self.number[problem.touched.vertices[corner].min()]
+        return int(lowest), int(self.cells[problem.touched_ids[corner]])
+
+
+def share_of(comm: Any, store: Store, local: Local, domain: Domain, moves: np.ndarray) -> Share:
+    """The share of this rank, on all ranks together.
+
+    local: the cells with a vertex that the rank owns, and domain: theirs. moves: (n,) bool, the vertices of
+    that which may move, right for those that the rank owns.
+    """
+    own = store.owner(local.number) == comm.rank
+    position, questions = _positions(comm, store, local, own & moves)
+    place = np.argsort(local.number)
+    number = np.empty(len(place), dtype=np.int32)
+    number[place] = np.arange(len(place), dtype=np.int32)
+    corners = domain.corners
+    vertices, shapes, touched_ids = domain.backend.twin(touched_corners)(
+        corners.vertices, corners.shapes, own & moves, number
+    )
+    touched = Simplices(vertices, shapes, corners.table)
+    rings_of = np.flatnonzero((own & moves)[place])
+    incidence = incidence_of(touched, rings_of, len(place), domain.backend)
+    relaxed = position[place] >= 0
+    owner = store.owner(local.number[place])
+    sent, received = _ghosts(comm.rank, local.number[place], questions, owner, relaxed)
+    turn, backend = turns(position[place]), domain.backend
+    colour = colours(comm, rings_of, incidence, turn, (sent, received), touched.vertices, backend)
+    batches = 1 + max(comm.allgather(int(colour.max(initial=-1))))
+    sequence = np.argsort(colour[rings_of], kind="stable")
+    rings = incidence.rings(touched, sequence, domain.backend)
+    del incidence  # the largest of all arrays
+    owners = np.where(relaxed, owner, comm.size).astype(np.int32)[touched.vertices]
+    problem = Problem(
+        order=local.index[place],
+        rings=rings,
+        batch_start=np.searchsorted(colour[rings_of][sequence], np.arange(batches + 1)),
+        touched=touched,
+        touched_ids=touched_ids,
+        dimension=corners.dimension,
+        components=domain.points.shape[1],
+    )
+    part = Part(
+        problem=problem,
+        sent=_by_batch(sent, colour, batches),
+        received=_by_batch(received, colour, batches),
+        first=owners.min(axis=1) == comm.rank,
+        corners=touched_ids,
+    )
+    return Share(part, place, own, position >= 0, local.number[place], local.cells)
+
+
+def _positions(
+    comm: Any, store: Store, local: Local, mine: np.ndarray
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """(n,) the position of each vertex among all that are relaxed, -1 for others; what ranks asked for.
+
+    mine: (n,) bool, the relaxed vertices that the rank owns.
+    """
+    numbers = np.sort(local.number[mine]) - store.first
+    before = sum(comm.allgather(len(numbers))[: comm.rank])
+    positions = np.full(store.count, -1, dtype=np.int64)
+    positions[numbers] = before + np.arange(len(numbers))
+    return store.of_others(local.number, positions)
+
+
+def _ghosts(
+    this: int, numbers: np.ndarray, questions: list[np.ndarray], owner: np.ndarray, relaxed: np.ndarray
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """For each rank the relaxed vertices of this one that it has, and those of its own that are here.
+
+    numbers: (n,) of this rank's vertices, ascending, and owner: (n,) theirs. questions: the numbers of this
+    one that each rank has.
+    """
+    sent, received = [], []
+    for rank, wanted in enumerate(questions):
+        there = np.searchsorted(numbers, np.sort(wanted))
+        here = np.flatnonzero((owner == rank) & relaxed)
+        sent.append(there[relaxed[there]] if rank != this else there[:0])
+        received.append(here if rank != this else here[:0])
+    return sent, received
+
+
+def _by_batch(ghosts: list[np.ndarray], colour: np.ndarray, batches: int) -> tuple[Shared, ...]:
+    """The vertices that ranks share, batch after batch; ghosts: for each rank, by ascending number."""
+    shared = []
+    for rank, vertices in enumerate(ghosts):
+        order = np.argsort(colour[vertices], kind="stable")
+        start = np.searchsorted(colour[vertices][order], np.arange(batches + 1))
+        if len(vertices):
+            shared.append(Shared(rank, vertices[order], start))
+    return tuple(shared)

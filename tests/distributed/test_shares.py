@@ -1,0 +1,208 @@
+"""Meshes that no rank has whole: the bytes and reports of one process, from byte ranges of the file."""
+
+import json
+import os
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from test_ranks import job, without_times
+
+from dvr_cli.api import SmoothOptions
+from dvr_cli.api.shares import takes
+from dvr_cli.cli.main import main
+from dvr_cli.files.ranges import Rows
+from dvr_cli.files.reading import open_mesh
+from dvr_cli.files.vtk.ranges import ranges_of
+from meshes import delaunay, random_mesh
+
+SAMPLES = Path(__file__).parents[2] / "sample_meshes"
+# name of a mesh, and options
+RUNS = (
+    ("positive", "-d random,steepest -n 3"),
+    ("positive", "-d axis,optimal,narrowing -n 6 --shape ideal --keep-height --seed 7"),
+    ("positive", "-d random -n 60 --tol 1e-3"),  # converged, with what limits it
+    ("positive", "-d random -n 9 --target 0.3"),
+    ("inside-out", "-d random -n 2 --tol 0"),
+    ("older", "-d random -n 2 --tol 0"),
+    ("orphans", "-d random -n 2 --tol 0"),
+    ("hull", "-d random -n 30"),  # the worst is on the boundary
+    ("positive", "-d random -n 2 --no-report"),
+)
+
+
+def write(folder, name):
+    """The file of a mesh, binary VTK with coordinates in 64 bits."""
+    if name == "hull":
+        return SAMPLES / "random_cube.vtk"
+    mesh = random_mesh("tetra", 1, n=5, noise=0.25)
+    points, cells = mesh.points, mesh.cells[0].vertices
+    if name == "inside-out":
+        cells = cells[:, [1, 0, 2, 3]]
+    if name == "orphans":
+        points = np.concatenate([[[9.0, 9.0, 9.0]], points, [[-1.0, 0.5, 0.5]]])
+        cells = cells + 1
+    path = folder / f"{name}.vtk"
+    version = {"older": "vtk42"}.get(name, "vtk")
+    meshio.Mesh(points, [("tetra", cells)]).write(path, file_format=version, binary=True)
+    return path
+
+
+def commands_of(folder, runs, *more):
+    engine = ["--engine", "numpy", "--quiet", *more]
+    return [
+        ["smooth", str(write(folder, name)), f"{i}.vtk", *options.split(), *engine]
+        for i, (name, options) in enumerate(runs)
+    ]
+
+
+@pytest.fixture(scope="module")
+def serial(tmp_path_factory):
+    """The folder of the outputs of all runs in one process."""
+    folder = tmp_path_factory.mktemp("serial")
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        assert {main(command) for command in commands_of(folder, RUNS)} == {0}
+    finally:
+        os.chdir(before)
+    return folder
+
+
+@pytest.mark.parametrize("ranks", [3, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 2, 4, 8))])
+def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, serial, ranks):
+    done, ends = job(on_ranks, ranks, tmp_path, commands_of(serial, RUNS, "--mpi"), "in shares")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert set(ends) == {0}
+    for i, run in enumerate(RUNS):
+        assert (tmp_path / f"{i}.vtk").read_bytes() == (serial / f"{i}.vtk").read_bytes(), run
+        if "--no-report" not in run[1]:
+            reports = [(where / f"{i}.quality.json").read_bytes() for where in (tmp_path, serial)]
+            assert without_times(reports[0]) == without_times(reports[1]), run
+    assert {json.loads((serial / f"{i}.quality.json").read_text())["stopped_because"] for i in (2, 3)} == {
+        "converged",
+        "target",
+    }
+
+
+def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
+    """A mesh with layers, one with inverted cells, one with a cell twice: a rank has them whole."""
+    tall = random_mesh("tetra", 1, n=5, noise=0.1)
+    flat = tall.points * [1.0, 1.0, 0.02]
+    tangled = random_mesh("tetra", 1, n=4, noise=0.6)
+    plain = random_mesh("tetra", 1, n=3, noise=0.1)
+    twice = np.concatenate([plain.cells[0].vertices, plain.cells[0].vertices[:1]])
+    meshes = {"layers": (flat, tall.cells[0].vertices)}
+    meshes |= {"tangled": (tangled.points, tangled.cells[0].vertices), "twice": (plain.points, twice)}
+    commands = []
+    for name, (points, cells) in meshes.items():
+        meshio.Mesh(points, [("tetra", cells)]).write(tmp_path / f"{name}.vtk")
+        commands.append(["smooth", f"{name}.vtk", f"{name}-out.vtk", "-d", "random", "-n", "2"])
+        commands[-1] += ["--engine", "numpy", "--quiet"]
+    done, ends = job(on_ranks, 3, tmp_path, [[*command, "--mpi"] for command in commands])
+    assert (done.stderr, ends) == ("", [0, 0, 0])
+    for name, command in zip(meshes, commands, strict=True):
+        alone = tmp_path / "alone.vtk"
+        assert main([command[0], str(tmp_path / command[1]), str(alone), *command[3:]]) == 0
+        assert alone.read_bytes() == (tmp_path / f"{name}-out.vtk").read_bytes()
+    kept = json.loads((tmp_path / "layers-out.quality.json").read_text())["shape"]["kept"]
+    assert kept > 0
+
+
+def test_a_mesh_is_replaced_by_its_result(tmp_path, on_ranks):
+    path = write(tmp_path, "positive")
+    before = path.read_bytes()
+    words = ["-d", "random", "-n", "2", "--engine", "numpy", "--quiet", "--no-report"]
+    assert main(["smooth", str(path), str(tmp_path / "expected.vtk"), *words]) == 0
+    _, ends = job(on_ranks, 2, tmp_path, [["smooth", path.name, path.name, *words, "--mpi"]], "in shares")
+    assert ends == [0]
+    assert before != path.read_bytes() == (tmp_path / "expected.vtk").read_bytes()
+
+
+def test_a_damaged_file_is_one_line(tmp_path, on_ranks):
+    """Cells that name no vertex, an offset that is wrong, a file that ends too soon."""
+    path = write(tmp_path, "positive")
+    whole, ranges = path.read_bytes(), ranges_of(path)
+    number = bytearray(whole)
+    number[ranges.cells.offset(20) : ranges.cells.offset(20) + 8] = (10**6).to_bytes(8, "big")
+    offset = bytearray(whole)
+    start = ranges.steps[0][0].offset(5)
+    offset[start : start + 8] = (3).to_bytes(8, "big")
+    damaged = {"number": bytes(number), "offset": bytes(offset), "end": whole[:-30]}
+    for name, data in damaged.items():
+        (tmp_path / f"{name}.vtk").write_bytes(data)
+    words = ["-d", "random", "--engine", "numpy", "--mpi"]
+    done, ends = job(
+        on_ranks, 3, tmp_path, [["smooth", f"{name}.vtk", "out.vtk", *words] for name in damaged]
+    )
+    assert ends == [3, 3, 3]
+    assert [name in line for name, line in zip(damaged, done.stderr.splitlines(), strict=True)] == [True] * 3
+    assert not list(tmp_path.glob("out*"))
+
+
+@pytest.mark.parametrize("fault", ["a full disk", "a rank fails to send", "interrupted"])
+def test_a_job_that_ends_early_leaves_nothing_half_written(tmp_path, on_ranks, fault):
+    runs = [("positive", "-d random -n 9 --tol 0")]
+    command = [word for word in commands_of(tmp_path, runs, "--mpi")[0] if word != "--quiet"]
+    before = {path.name for path in tmp_path.iterdir()}
+    done, ends = job(on_ranks, 3, tmp_path, [command], "in shares", fault)
+    new = {path.name for path in tmp_path.iterdir()} - before - {"codes.json", "commands.json"}
+    if fault == "interrupted":
+        assert ends == [130]
+        report = json.loads((tmp_path / "0.quality.json").read_text())
+        assert (report["stopped_because"], len(report["sweeps"])) == ("interrupted", 1)
+        assert new == {"0.vtk", "0.quality.json"}
+        return
+    assert new == set()
+    if fault == "a full disk":
+        assert ends == [4]
+        assert done.stderr.splitlines()[-1].startswith("dvr: error: 0.vtk: ")
+    else:
+        assert (done.returncode != 0, ends) == (True, None)
+        assert "dvr: internal error on rank 2: MemoryError: nothing left" in done.stderr
+
+
+@pytest.mark.parametrize("version", ["vtk", "vtk42"])
+def test_ranges_are_those_of_the_arrays(tmp_path, version):
+    mesh, path = delaunay(30, 3, 2), tmp_path / "mesh.vtk"
+    meshio.Mesh(mesh.points, [("tetra", mesh.cells[0].vertices)]).write(path, file_format=version)
+    ranges, read = ranges_of(path), open_mesh(path).mesh
+    assert (ranges.points.count, ranges.cells.count) == (30, len(mesh.cells[0].vertices))
+    np.testing.assert_array_equal(ranges.points.read(path, 3, 9), read.points[3:9])
+    np.testing.assert_array_equal(ranges.cells_of(path, 4, 8, 4), read.cells[0].vertices[4:8])
+
+
+def test_other_files_have_no_ranges(tmp_path):
+    """Text, coordinates in 32 bits, data of cells, other cells: a rank reads those."""
+    mesh, path = delaunay(30, 3, 2), tmp_path / "mesh.vtk"
+    cells = [("tetra", mesh.cells[0].vertices)]
+    meshio.Mesh(mesh.points, cells).write(path, binary=False)
+    assert ranges_of(path) is None
+    meshio.Mesh(mesh.points.astype(np.float32), cells).write(path)
+    assert ranges_of(path) is None
+    data = {"material": [np.arange(len(cells[0][1]))]}
+    meshio.Mesh(mesh.points, cells, cell_data=data).write(path)
+    assert ranges_of(path) is None
+    meshio.Mesh(mesh.points, [*cells, ("triangle", cells[0][1][:2, :3])]).write(path)
+    assert ranges_of(path) is None
+    hexahedra = random_mesh("hexahedron", 1)
+    meshio.Mesh(hexahedra.points, [("hexahedron", hexahedra.cells[0].vertices)]).write(path)
+    assert ranges_of(path) is None
+
+
+def test_rows_beyond_the_end_are_not_there(tmp_path):
+    path = tmp_path / "rows"
+    path.write_bytes(b"head" + np.arange(6, dtype=">i4").tobytes())
+    rows = Rows(4, ">i4", 2, 3)
+    assert rows.read(path, 1, 3).tolist() == [[2, 3], [4, 5]]
+    assert rows.read(path, 2, 5).tolist() == [[4, 5]]
+
+
+def test_runs_that_need_the_whole_mesh_are_not_taken():
+    assert takes(SmoothOptions(directions="random,steepest"))
+    others = [{}, {"directions": "radial"}, {"patches": True}, {"polish": True}, {"boundary": "slide"}]
+    others += [{"fix": "a"}, {"below": 0.3}, {"vertices": [1]}, {"regions": "none"}, {"untangle": True}]
+    others += [{"order": "natural"}, {"shape": "input"}, {"metric": np.ones((3, 3, 3))}]
+    for other in others:
+        assert not takes(SmoothOptions(**({"directions": "random"} if other else {}) | other)), other
