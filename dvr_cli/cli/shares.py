@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dvr_cli.api import SmoothOptions
+    from dvr_cli.api.options import SmoothOptions
     from dvr_cli.relax.sweeps import Sweep
     from dvr_cli.report.records import SmoothReport
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_ranks import job, without_times
 
-from dvr_cli.api import SmoothOptions
+from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.shares import takes
 from dvr_cli.cli.main import main
 from dvr_cli.files.ranges import Rows
