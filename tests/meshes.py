@@ -59,10 +59,11 @@ def random_mesh(kind: str, seed: int, n: int = 3, noise: float = 0.3) -> Mesh:
     return Mesh(points, [Cells(kind, _cut(boxes, {"wedge": WEDGES, "tetra": TETRAHEDRA}[kind]))])
 
 
-def delaunay(n: int, dimension: int, seed: int) -> Mesh:
-    """The Delaunay mesh of n random points in the unit square or cube, positively oriented."""
+def delaunay(n: int, dimension: int, seed: int, height: float = 1.0) -> Mesh:
+    """The Delaunay mesh of n random points in a unit square or cube of this height, positively oriented."""
     rng = np.random.default_rng(seed)
     points = rng.random((n, dimension))
+    points[:, -1] *= height
     simplices = Delaunay(points).simplices.astype(np.int64)
     volume = np.linalg.det(points[simplices[:, 1:]] - points[simplices[:, :1]])
     simplices[volume < 0] = simplices[volume < 0][:, [1, 0, *range(2, dimension + 1)]]

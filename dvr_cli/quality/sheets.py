@@ -2,6 +2,10 @@
 
 A flat cell lies in a sheet when half of its facets lead to flat cells that are stretched alike, and when it
 hangs together with enough cells like itself. Flat tetrahedra lie so at random, too, and make no sheets.
+
+A flat cell is *orderly* when half of its facets lead to flat cells of about its size. Those of layers are, in
+rows and from row to row. Flat cells along the hull of random points are not: what is left between a straight
+hull and the points next to it has all sizes, however many points there are.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ from dvr_cli.mesh.orientation import connected_parts
 LEAST = {"triangle": 16, "quad": 8, "hexahedron": 16, "wedge": 32, "pyramid": 16}  # cells that make a sheet
 ALIKE = 0.6  # difference of two L, relative to the larger, up to which cells are stretched alike,
 ALIKE_TRIANGLES = 0.15  # and of triangles, which are flat and beside each other at random more often
+LOG_SIZE = 0.5  # difference of the logarithms of two sizes up to which they are about the same
 
 
 def able(blocks: list[Cells]) -> np.ndarray:
@@ -30,16 +35,11 @@ def in_sheets(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray) -> 
     and then the upper triangle; only those of flat cells are looked at.
     """
     result = np.zeros(len(flat), dtype=bool)
-    which = np.flatnonzero(flat)
-    start = np.cumsum([0, *(len(block.vertices) for block in blocks)])
-    parts = zip(blocks, start[:-1], start[1:], strict=True)
-    blocks = [Cells(block.type, block.vertices[flat[a:b]]) for block, a, b in parts if flat[a:b].any()]
+    which, blocks = _only(blocks, flat)
     weight = _of_each(blocks, [1.0 / LEAST[block.type] for block in blocks])
     if weight.sum() < 1.0:
         return result
-    facets = facets_of(blocks)
-    pair = facets.start[:-1][facets.shared_by == 2]
-    one, other = facets.cell[pair], facets.cell[pair + 1]
+    one, other = _neighbours(blocks)
     rows = stretching[which]
     space = 2 if rows.shape[1] == 3 else 3
     rows = rows * np.where(np.arange(rows.shape[1]) < space, 1.0, np.sqrt(2.0))  # of all entries of L
@@ -48,8 +48,7 @@ def in_sheets(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray) -> 
     apart = np.linalg.norm(rows[one] - rows[other], axis=1)
     alike = apart <= np.minimum(allowed[one], allowed[other]) * np.maximum(size[one], size[other])
     one, other = one[alike], other[alike]
-    joined = np.bincount(one, minlength=len(which)) + np.bincount(other, minlength=len(which))
-    inside = 2 * joined >= _of_each(blocks, [len(CELL_TYPES[b.type].facets) for b in blocks])
+    inside = _half_of_facets(blocks, one, other)
     both = inside[one] & inside[other]
     part = connected_parts(len(which), one[both], other[both])
     enough = np.bincount(part, np.where(inside, weight, 0.0), len(which)) >= 1.0
@@ -57,6 +56,43 @@ def in_sheets(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray) -> 
     result[which[inside]] = True
     result[which[other[inside[one]]]] = result[which[one[inside[other]]]] = True
     return result
+
+
+def orderly(blocks: list[Cells], flat: np.ndarray, log_size: np.ndarray) -> np.ndarray:
+    """(n,) bool: the ``flat`` cells ((n,) bool) of ``blocks`` that are orderly.
+
+    log_size: (n,) the logarithm of each cell's volume or area, up to a term common to its type.
+    """
+    result = np.zeros(len(flat), dtype=bool)
+    which, blocks = _only(blocks, flat)
+    if len(which):
+        one, other = _neighbours(blocks)
+        size = log_size[which]
+        alike = np.abs(size[one] - size[other]) <= LOG_SIZE
+        result[which] = _half_of_facets(blocks, one[alike], other[alike])
+    return result
+
+
+def _only(blocks: list[Cells], wanted: np.ndarray) -> tuple[np.ndarray, list[Cells]]:
+    """The ``wanted`` cells ((n,) bool): their numbers, and their blocks."""
+    start = np.cumsum([0, *(len(block.vertices) for block in blocks)])
+    parts = zip(blocks, start[:-1], start[1:], strict=True)
+    chosen = [Cells(block.type, block.vertices[wanted[a:b]]) for block, a, b in parts if wanted[a:b].any()]
+    return np.flatnonzero(wanted), chosen
+
+
+def _neighbours(blocks: list[Cells]) -> tuple[np.ndarray, np.ndarray]:
+    """The pairs of cells that share a facet, as the number of the one and that of the other."""
+    facets = facets_of(blocks)
+    pair = facets.start[:-1][facets.shared_by == 2]
+    return facets.cell[pair], facets.cell[pair + 1]
+
+
+def _half_of_facets(blocks: list[Cells], one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """(n,) bool: the cells that are in as many of these pairs as half of their facets, or more."""
+    facets = _of_each(blocks, [len(CELL_TYPES[block.type].facets) for block in blocks])
+    n = len(facets)
+    return 2 * (np.bincount(one, minlength=n) + np.bincount(other, minlength=n)) >= facets
 
 
 def _of_each(blocks: list[Cells], values: list[float]) -> np.ndarray:

@@ -3,8 +3,9 @@
 With A = E W⁻¹ of a corner, L = -dev ln(A Aᵀ) (dev: the trace removed) says how and by how much it is
 stretched, and α(L) = exp((λmax - λmin) / 2) is its aspect, λ the eigenvalues. Averages of L over cells, from
 these to vertices and back, cancel for random slivers and do not for layers. Cells where three such averages
-still have an aspect of SEED are deliberate, and single sheets of such cells (``sheets``); from there they
-spread through common vertices as long as two averages have an aspect of GROWN.
+still have an aspect of SEED are deliberate, where most flat cells around them are orderly, and so are single
+sheets of such cells (``sheets``); from there they spread through common vertices as long as two averages have
+an aspect of GROWN.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ SEED = 5.0  # aspect from which stretching is deliberate, averaged three times
 GROWN = 1.5  # aspect down to which it spreads, averaged twice
 LIKELY = 4.75  # aspect from which a rough estimate leaves a cell among those that may be seeds
 KEPT = 2.0  # aspect from which a cell is kept, its own and that averaged twice
+ORDERLY = 0.8  # share of orderly ones among the flat cells around, averaged three times, from which a seed counts
 _FEWEST = 8  # cells of any type that make a sheet
 
 
@@ -37,7 +39,9 @@ def coherent(domain: Domain) -> Targets | None:
     worst = corners.by_cell(np.minimum, quality)
     positive = worst > FORMED[domain.dimension]
     seeds = _seeds(domain, cells, quality, positive)
-    sheets = _in_sheets(domain, cells, positive & (worst <= _best_quality(SEED, domain.dimension)))
+    possible = positive & (worst <= _best_quality(SEED, domain.dimension))
+    seeds = seeds[_in_order(domain, cells, possible, seeds)]
+    sheets = _in_sheets(domain, cells, possible)
     if not len(seeds) and not sheets.any():
         return None
     seeds = np.concatenate([seeds, np.flatnonzero(sheets)])
@@ -52,10 +56,11 @@ def coherent(domain: Domain) -> Targets | None:
 
 
 def any_seeds(domain: Domain, among: np.ndarray) -> bool:
-    """True if any of the tetrahedra marked in ``among`` ((n,) bool) would be a seed of what is kept.
+    """True if any of the tetrahedra marked in ``among`` ((n,) bool) may be a seed of what is kept.
 
     domain: these, and all that can be reached from them in three steps between cells with a common vertex.
-    Tetrahedra make no sheets, so without a seed in the whole mesh none is kept.
+    That does not suffice to tell whether those around a seed are orderly. Tetrahedra make no sheets, so without
+    a seed in the whole mesh none is kept.
     """
     quality = corner_qualities(domain.points, domain.corners, domain.backend)
     positive = quality > FORMED[domain.dimension]
@@ -69,7 +74,7 @@ def _seeds(
     positive: np.ndarray,
     among: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The cells, by number, that are stretched so much and so coherently that they are kept.
+    """The cells, by number, that are stretched so much and so coherently that they may be kept.
 
     quality: (C,) of the corners. positive: (n,) bool, the cells that have a shape. among: (n,) bool, the
     cells that are asked about, by default all.
@@ -113,11 +118,16 @@ class _Cells:
         result[self._corners.vertices[np.repeat(cells, self._width)]] = True
         return result
 
-    def around(self, cells: np.ndarray) -> np.ndarray:
-        """(n,) bool: the cells that the third average in ``cells``, given by number, depends on."""
+    def around(self, cells: np.ndarray, rings: int = 3) -> np.ndarray:
+        """(n,) bool: the cells within so many rings of ``cells``, given by number.
+
+        The third average depends on those within three.
+        """
         chosen = np.zeros(len(self._width), dtype=bool)
         chosen[cells] = True
-        reached = within_rings([block.vertices for block in self._blocks], self.with_vertices(chosen), 2)
+        reached = within_rings(
+            [block.vertices for block in self._blocks], self.with_vertices(chosen), rings - 1
+        )
         return self._corners.by_cell(np.logical_or, reached[self._corners.vertices].any(axis=1))
 
     def grown(self, seeds: np.ndarray, eligible: np.ndarray) -> np.ndarray:
@@ -131,6 +141,24 @@ class _Cells:
         with_seed = np.zeros(self._n_points, dtype=bool)
         with_seed[part[own[seeds]]] = True
         return joined & with_seed[part[own]]
+
+
+def _in_order(domain: Domain, cells: _Cells, possible: np.ndarray, seeds: np.ndarray) -> np.ndarray:
+    """(m,) bool: of ``seeds``, given by number, those around which most flat cells are orderly.
+
+    possible: (n,) bool, the cells that may be flat.
+    """
+    if not len(seeds):
+        return np.zeros(0, dtype=bool)
+    from dvr_cli.quality.sheets import orderly
+
+    near = possible & cells.around(seeds, 4)  # neighbours of all that the third average depends on
+    stretching = cells.from_corners(_stretching(domain.points, domain.corners, near))
+    flat = near & (_log_aspect(stretching) >= np.log(SEED))
+    size = cells.from_corners(_log_size(domain.points, domain.corners, flat))
+    in_order = orderly(domain.cells, flat, size)
+    share = cells.thrice(np.stack([in_order, flat], axis=1).astype(np.float64))[seeds]
+    return share[:, 0] >= ORDERLY * np.maximum(share[:, 1], 1e-9)
 
 
 def _in_sheets(domain: Domain, cells: _Cells, possible: np.ndarray) -> np.ndarray:
@@ -234,6 +262,19 @@ def _stretching(points: np.ndarray, corners: Corners, wanted: np.ndarray) -> np.
             tensor = np.einsum("nia,na,nja->nij", vector, log, vector)
         result[here, :space] = np.einsum("nii->ni", tensor)
         result[here, space:] = tensor[:, j, k]
+    return result
+
+
+def _log_size(points: np.ndarray, corners: Corners, wanted: np.ndarray) -> np.ndarray:
+    """(C,) the logarithm of |det E| of each corner of the ``wanted`` cells ((n,) bool), zero of others."""
+    result = np.zeros(len(corners.vertices))
+    rows = np.flatnonzero(np.repeat(wanted, np.diff(corners.start)))
+    vertices = corners.vertices[rows]
+    edges = points[vertices[:, 1:]] - points[vertices[:, :1]]
+    if corners.dimension == points.shape[1]:
+        result[rows] = np.linalg.slogdet(edges)[1]
+    else:
+        result[rows] = np.linalg.slogdet(np.einsum("nji,nki->njk", edges, edges))[1] / 2.0
     return result
 
 

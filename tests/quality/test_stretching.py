@@ -12,6 +12,7 @@ from dvr_cli.backend import COMPILED
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality import stretching
+from dvr_cli.quality.sheets import orderly
 from dvr_cli.quality.stretching import coherent
 from dvr_cli.quality.targets import FORMED
 from meshes import KINDS, delaunay, random_mesh
@@ -253,6 +254,56 @@ def test_few_flat_cells_and_flat_tetrahedra_make_no_sheet():
 def test_shaken_cells_make_no_sheet(kind, n):
     for noise in (0.3, 0.45):
         assert coherent(domain_of(random_mesh(kind, 1, n, noise))) is None
+
+
+@pytest.mark.parametrize(
+    ("n", "dimension", "seed", "height"),
+    [
+        (1000, 2, 0, 1.0),
+        (1000, 2, 2, 1.0),
+        (3000, 2, 1, 1.0),
+        (500, 3, 0, 0.05),
+        (500, 3, 1, 0.05),
+        pytest.param(20000, 3, 0, 1.0, marks=pytest.mark.long),
+        pytest.param(100000, 2, 0, 1.0, marks=pytest.mark.long),
+    ],
+)
+def test_the_flat_hull_of_random_points_is_no_layer(n, dimension, seed, height, monkeypatch):
+    """Its cells are flat alike along a straight side, and only the order of their sizes tells them apart."""
+    domain = domain_of(delaunay(n, dimension, seed, height))
+    assert coherent(domain) is None
+    monkeypatch.setattr(stretching, "ORDERLY", 0.0)
+    found = coherent(domain)
+    assert found is not None
+    assert found.kept.sum() > 100
+
+
+@pytest.mark.parametrize(("kind", "n"), [("triangle", 14), ("tetra", 7)])
+def test_cells_of_even_size_drawn_out_as_a_whole_are_kept(kind, n):
+    mesh = grid(kind, np.linspace(0, 1, n))
+    inner = domain_of(mesh).interior
+    shift = 0.15 / n * np.random.default_rng(0).uniform(-1, 1, mesh.points.shape)
+    points = np.where(inner[:, None], mesh.points + shift, mesh.points)
+    points[:, -1] /= 20.0
+    found = coherent(domain_of(Mesh(points, mesh.cells)))
+    assert found is not None
+    assert found.kept.mean() > 0.95
+
+
+def test_a_flat_cell_is_orderly_beside_two_of_its_size():
+    """A strip of triangles
+
+    1---3---5---7
+     \\ / \\ / \\ /
+      0---2---4---6   of which the cell 2 4 3 is five times as large as all others.
+    """
+    rows = np.array([[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5], [4, 6, 5], [5, 6, 7]])
+    blocks = [Cells("triangle", rows)]
+    every, size = np.ones(6, dtype=bool), np.log([1.0, 1.0, 5.0, 1.0, 1.0, 1.0])
+    assert orderly(blocks, every, np.zeros(6)).tolist() == [False, True, True, True, True, False]
+    assert orderly(blocks, every, size).tolist() == [False, False, False, False, True, False]
+    assert orderly(blocks, size == 0, np.zeros(6)).tolist() == [False, False, False, False, True, False]
+    assert not orderly(blocks, ~every, size).any()
 
 
 def test_random_triangles_make_no_sheet():
