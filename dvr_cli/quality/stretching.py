@@ -24,7 +24,7 @@ SEED = 5.0  # aspect from which stretching is deliberate, averaged three times
 GROWN = 1.5  # aspect down to which it spreads, averaged twice
 LIKELY = 4.75  # aspect from which a rough estimate leaves a cell among those that may be seeds
 KEPT = 2.0  # aspect from which a cell is kept, its own and that averaged twice
-ORDERLY = 0.8  # share of orderly ones among the flat cells around, averaged three times, from which a seed counts
+ORDERLY = 0.8  # share of the flat cells around, averaged three times, that are orderly where a seed counts
 _FEWEST = 8  # cells of any type that make a sheet
 
 
@@ -59,8 +59,8 @@ def any_seeds(domain: Domain, among: np.ndarray) -> bool:
     """True if any of the tetrahedra marked in ``among`` ((n,) bool) may be a seed of what is kept.
 
     domain: these, and all that can be reached from them in three steps between cells with a common vertex.
-    That does not suffice to tell whether those around a seed are orderly. Tetrahedra make no sheets, so without
-    a seed in the whole mesh none is kept.
+    That does not suffice to tell whether those around a seed are orderly. Tetrahedra make no sheets, so
+    without a seed in the whole mesh none is kept.
     """
     quality = corner_qualities(domain.points, domain.corners, domain.backend)
     positive = quality > FORMED[domain.dimension]
