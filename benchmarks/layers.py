@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from itertools import combinations
 
 import numpy as np
+from scipy.spatial import Delaunay
 
 import dvr_cli
 import layered
@@ -85,11 +86,13 @@ def run(quick: bool) -> None:
     from common import print_table
 
     header = ["mesh", "cells", "kept", "first height after / before: median", "least", "most"]
-    header += ["other layers: least", "most", "wall normals turn by", "the rest: Q1 before", "after"]
-    header += ["mean before", "after"]
+    header += ["other layers: least", "most", "wall normals turn by", "cells not kept: worst before", "after"]
+    header += ["mean before", "after", "away from layers: worst before", "after", "mean before", "after"]
     print_table(
         "Layers: default options", header, (_row(name, make()) for name, make in meshes(quick).items())
     )
+    header = ["cells", "points", "number", "kept", "same bits as --shape ideal"]
+    print_table("Layers: Delaunay meshes of random points in a box", header, _clouds(quick))
     header = ["mesh", "moved", "first height after / before: median", "least", "most", "inverted"]
     print_table("Layers: dvr morph, default options", header, _moved_rows())
 
@@ -100,18 +103,35 @@ def _row(name: str, mesh: Layered) -> list[object]:
     n = sum(len(rows) for rows in mesh.cells.values())
     columns = _columns(mesh)
     first, others, turned = _changes(mesh, points, columns)
-    rest = ~_of_layers(mesh, columns)
-    before, after = _qualities(mesh, mesh.points)[rest], _qualities(mesh, points)[rest]
+    held = getattr(report, "kept", None)
+    rest = np.ones(n, dtype=bool) if held is None else ~held
     figures = (
         [f"{np.median(first):.3f}", f"{first.min():.3f}", f"{first.max():.3f}"] if len(first) else ["-"] * 3
     )
     figures += [f"{others.min():.3f}", f"{others.max():.3f}"] if len(others) else ["-"] * 2
     figures += [f"{turned.max():.2f}°" if len(turned) else "-"]
-    if len(before):
-        figures += [f"{value:.4f}" for value in (before.min(), after.min(), before.mean(), after.mean())]
-    else:
-        figures += ["-"] * 4
+    for part in (rest, ~_of_layers(mesh, columns)):
+        before, after = _qualities(mesh, mesh.points)[part], _qualities(mesh, points)[part]
+        if len(before):
+            figures += [f"{value:.4f}" for value in (before.min(), after.min(), before.mean(), after.mean())]
+        else:
+            figures += ["-"] * 4
     return [name, n, kept, *figures]
+
+
+def _clouds(quick: bool) -> Iterator[list[object]]:
+    """Delaunay meshes of random points in a box: cells kept, and whether a sweep gives the bits of ideal."""
+    for d, kind, sizes in ((2, "triangle", (1_000, 10_000, 100_000)), (3, "tetra", (1_000, 5_000, 20_000))):
+        for n in sizes[: 2 if quick else 3]:
+            points = np.random.default_rng(0).random((n, d))
+            cells = Delaunay(points).simplices.astype(np.int64)
+            volume = np.linalg.det(points[cells[:, 1:]] - points[cells[:, :1]])
+            cells[volume < 0] = cells[volume < 0][:, [1, 0, *range(2, d + 1)]]
+            once = {"directions": "random", "max_iterations": 1, "patches": False, "threads": 1}
+            auto, report = dvr_cli.smooth(points, {kind: cells}, shape="auto", **once)
+            ideal, _ = dvr_cli.smooth(points, {kind: cells}, shape="ideal", **once)
+            same = auto.tobytes() == ideal.tobytes()
+            yield [kind, n, len(cells), report.shape.kept, "yes" if same else "no"]
 
 
 def _moved_rows() -> Iterator[list[object]]:
