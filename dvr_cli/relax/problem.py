@@ -80,7 +80,7 @@ class Problem:
         """The same, in which walks take the mesh no farther from the input than ``limit``."""
         if self.carriers is None:
             return self
-        return replace(self, carriers=replace(self.carriers, limit=limit))
+        return replace(self, carriers=self.carriers.within(limit))
 
 
 class RingArrays(NamedTuple):

@@ -129,11 +129,14 @@ class Engine(ABC):
         return carriers.deviation(standing, self._get())
 
     def part_of_limit(self, vertices: np.ndarray) -> float:
-        """The part of the limit that the distance from the input takes at ``vertices`` of the mesh."""
+        """The part of the limit that the distance from the input takes at ``vertices`` of the mesh.
+
+        Where walls are thin the limit is not what keeps them.
+        """
         carriers, standing = self.problem.carriers, self._standing
         if carriers is None or standing is None or not carriers.limit > 0.0:
             return 0.0
-        here = np.isin(self.problem.order, vertices)
+        here = np.isin(self.problem.order, vertices) & (carriers.ground.weight_at == 1.0)
         return float(carriers.apart_at(standing)[here].max(initial=0.0)) / carriers.limit
 
     def state(self) -> State:

@@ -13,7 +13,7 @@ All is in the problem's numbering, and laid out in arrays as kernels read them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ import numpy as np
 from dvr_cli.boundary.deviation import deviation
 from dvr_cli.boundary.freedom import unit
 from dvr_cli.boundary.smooth_parts import SmoothParts
+from dvr_cli.boundary.walls import thickness
 from dvr_cli.mesh.corners import Corners, Simplices
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.facets import numbered
@@ -28,6 +29,8 @@ from dvr_cli.mesh.rings import Rings
 from dvr_cli.quality.mean_ratio import cell_normals, turned_over
 
 NOWHERE, CURVE, SURFACE = 0, 1, 2  # the kind of carrier a vertex stands on
+_OF_WALL = 1.0 / 3.0  # part of the thickness of a wall that the mesh may come from the input by,
+_MOST = 1e6  # and how many times distances count there at most
 _NO_AREA = 1e-7  # sine of an angle up to which a facet has no inside to walk in
 
 
@@ -40,6 +43,8 @@ class Ground(NamedTuple):
         patch. plane: (T,) bool, whether that patch is plane.
     off: (T,) how far each facet is from the input at most, where folded ones were unfolded; 0 elsewhere.
     off_at: (N,) the largest of these around each vertex.
+    weight: (T,) how many times distances from each facet count, over 1 where a wall is thin.
+    weight_at: (N,) the largest of these around each vertex; heaviest: (1,) the largest of all.
     segments: (S, 2) vertices of each; onward: (S, 2) the segment that goes on beyond each of them, or -1.
     """
 
@@ -51,6 +56,9 @@ class Ground(NamedTuple):
     plane: np.ndarray
     off: np.ndarray
     off_at: np.ndarray
+    weight: np.ndarray
+    weight_at: np.ndarray
+    heaviest: np.ndarray
     segments: np.ndarray
     onward: np.ndarray
 
@@ -89,7 +97,7 @@ class Standing(NamedTuple):
 
     kind: (N,) the carrier of each vertex. at: (N,) its facet or segment, -1 for vertices that do not walk.
     u, w: (N,) where on it; on a segment u is t.
-    bound: (E,) how far each edge is from the input at most.
+    bound: (E,) how far each edge is from the input at most; these and ``apart`` are weighted.
     first: (T,) the first place of an input vertex that a triangle answers for, -1 for none; following: (N,)
         the next such place; apart: (N,) how far it is from that triangle at most.
     turned: (C,) the touched corners of a surface that are turned over.
@@ -130,6 +138,23 @@ class Carriers:
     turned: np.ndarray
     limit: float = np.inf
 
+    def within(self, limit: float) -> Carriers:
+        """The same with another limit; where a wall is thin it is a third of the thickness at most.
+
+        Distances count more there, so that one limit holds for all.
+        """
+        ground, weight = self.ground, np.ones(len(self.ground.triangles))
+        if not ground.plane.all() and limit < np.inf:
+            reach = limit / _OF_WALL
+            apart = thickness(ground.places, ground.triangles, ground.patch, reach)
+            weight = np.minimum(np.maximum(reach / np.maximum(apart, reach / _MOST), 1.0), _MOST)
+        at = np.ones(len(ground.places))
+        for column in ground.triangles.T:
+            np.maximum.at(at, column, weight)
+        heaviest = np.array([weight.max(initial=1.0)])
+        weighed = ground._replace(weight=weight, weight_at=at, heaviest=heaviest)
+        return replace(self, ground=weighed, limit=limit)
+
     def standing(self) -> Standing:
         """Everybody where the input has them."""
         n, ground, stars = len(self.ground.places), self.ground, self.stars
@@ -160,9 +185,9 @@ class Carriers:
         following[chain[:-1][same]] = chain[1:][same]
         edges, off = len(stars.of), np.zeros(len(stars.of))
         owner = np.repeat(np.arange(n), np.diff(stars.edge_start))
-        np.maximum.at(off, stars.edge, ground.off_at[owner])
+        np.maximum.at(off, stars.edge, ground.heaviest * ground.off_at[owner])
         return Standing(
-            *(kind, at, u, w, off, first, following, ground.off_at.copy(), self.turned.copy()),
+            *(kind, at, u, w, off, first, following, ground.weight_at * ground.off_at, self.turned.copy()),
             *(np.zeros(edges), np.zeros(n), np.zeros(n, dtype=np.int32)),
         )
 
@@ -273,6 +298,9 @@ def ground_of(points: np.ndarray, parts: SmoothParts, number: np.ndarray) -> Gro
         plane=plane[parts.patch],
         off=parts.off,
         off_at=off_at,
+        weight=np.ones(len(triangles)),
+        weight_at=np.ones(len(points)),
+        heaviest=np.ones(1),
         segments=segments,
         onward=_onward(segments, number[parts.on_curve], len(points)),
     )

@@ -9,6 +9,9 @@ and at these places bounds it everywhere, both ways. On curves the same holds in
 A vertex that moves by δ takes the points of its star along by δ at most. So while the last bound plus what
 was moved since stays within the limit nothing needs to be traced.
 
+Where a wall is thin distances are multiplied by a weight (see ``Carriers.within``), so that one limit holds
+for all of the mesh.
+
 These are kernels, written for one edge, place or star at a time; ``overlay_numba`` has them compiled.
 """
 
@@ -34,15 +37,16 @@ def look(
     stars: Stars,
     standing: Standing,
 ) -> float:
-    """The distance from the input at most around a vertex that has just ``moved`` so far.
+    """The weighted distance from the input at most around a vertex that has just ``moved`` so far.
 
     Leaves what was found as ``next_bound``, ``next_apart`` and ``next_host``; ends early beyond the limit.
     """
     largest = 0.0
     bounds, next_bound, edges = standing.bound, standing.next_bound, stars.edge
+    grown = ground.heaviest[0] * moved
     for entry in range(stars.edge_start[vertex], stars.edge_start[vertex + 1]):
         edge = edges[entry]
-        bound = bounds[edge] + moved
+        bound = bounds[edge] + grown
         if bound > limit:
             bound = edge_distance(points, edge, vertex, stars.end[entry], ground, stars, standing)
         next_bound[edge] = bound
@@ -55,7 +59,7 @@ def look(
         triangle = triangles[entry]
         place = first[triangle]
         while place >= 0:
-            apart = aparts[place] + moved
+            apart = aparts[place] + ground.weight_at[place] * moved
             host = triangle
             if apart > limit:
                 apart, host = place_distance(points, place, vertex, ground, stars)
@@ -117,7 +121,7 @@ def edge_distance(
     stars: Stars,
     standing: Standing,
 ) -> float:
-    """A bound on the distance of an edge, from ``vertex`` to ``end``, infinite without a trace."""
+    """A bound on the weighted distance of an edge, from ``vertex`` to ``end``, infinite without a trace."""
     of = stars.of[edge]
     if of < 0:
         return _along_curve(points, -1 - of, vertex, end, ground, standing)
@@ -142,7 +146,7 @@ def edge_distance(
 def place_distance(
     points: np.ndarray, place: int, vertex: int, ground: Ground, stars: Stars
 ) -> tuple[float, int]:
-    """The distance of an input vertex's place from the nearest triangle of a star, and that triangle."""
+    """The weighted distance of an input vertex's place from a star's nearest triangle, and that triangle."""
     least, host = np.inf, -1
     for entry in range(stars.triangle_start[vertex], stars.triangle_start[vertex + 1]):
         triangle = stars.triangle[entry]
@@ -153,13 +157,13 @@ def place_distance(
 
 
 def distance_to(points: np.ndarray, place: int, triangle: int, ground: Ground) -> float:
-    """The distance of the place of a ground's vertex, and of the input there, from a triangle of the mesh."""
+    """The weighted distance of the place of a ground's vertex, and of the input there, from a triangle."""
     i, j, k = ground.triangles[triangle, 0], ground.triangles[triangle, 1], ground.triangles[triangle, 2]
     x0, x1, x2 = ground.places[place, 0], ground.places[place, 1], ground.places[place, 2]
     a0, a1, a2 = points[i, 0] - x0, points[i, 1] - x1, points[i, 2] - x2
     b0, b1, b2 = points[j, 0] - x0, points[j, 1] - x1, points[j, 2] - x2
     c0, c1, c2 = points[k, 0] - x0, points[k, 1] - x1, points[k, 2] - x2
-    off = ground.off_at[place]
+    off, weight = ground.off_at[place], ground.weight_at[place]
     e0, e1, e2 = b0 - a0, b1 - a1, b2 - a2
     f0, f1, f2 = c0 - a0, c1 - a1, c2 - a2
     n0, n1, n2 = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
@@ -169,10 +173,10 @@ def distance_to(points: np.ndarray, place: int, triangle: int, ground: Ground) -
     bc = n0 * (b1 * c2 - b2 * c1) + n1 * (b2 * c0 - b0 * c2) + n2 * (b0 * c1 - b1 * c0)
     ca = n0 * (c1 * a2 - c2 * a1) + n1 * (c2 * a0 - c0 * a2) + n2 * (c0 * a1 - c1 * a0)
     if square > 0.0 and ab >= 0.0 and bc >= 0.0 and ca >= 0.0:
-        return abs(a0 * n0 + a1 * n1 + a2 * n2) / sqrt(square) + off
+        return weight * (abs(a0 * n0 + a1 * n1 + a2 * n2) / sqrt(square) + off)
     least = _to_segment(a0, a1, a2, b0, b1, b2)
     least = min(least, _to_segment(b0, b1, b2, c0, c1, c2))
-    return sqrt(min(least, _to_segment(c0, c1, c2, a0, a1, a2))) + off
+    return weight * (sqrt(min(least, _to_segment(c0, c1, c2, a0, a1, a2))) + off)
 
 
 def _to_segment(a0: float, a1: float, a2: float, b0: float, b1: float, b2: float) -> float:
@@ -217,13 +221,13 @@ def _has(triangles: np.ndarray, facet: int, node: int) -> bool:
 def _trace(
     points: np.ndarray, facet: int, vertex: int, end: int, ground: Ground, standing: Standing
 ) -> float:
-    """The largest distance at the crossings from ``vertex``, in or at a facet, to ``end``; see the module."""
+    """The weighted largest distance at the crossings from ``vertex``, in or at a facet, to ``end``."""
     places, triangles, beyond, normals = ground.places, ground.triangles, ground.beyond, ground.normals
     goal = standing.at[end] if standing.kind[end] == SURFACE else -1
     count, one, other = _support(end, ground, standing)
-    off = ground.off[facet]
+    off, weight = ground.off[facet], ground.weight[facet]
     if facet == goal or (count < 3 and _has(triangles, facet, one) and _has(triangles, facet, other)):
-        return off
+        return weight * off
     x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2]
     e0, e1, e2 = points[end, 0] - x0, points[end, 1] - x1, points[end, 2] - x2
     square = e0 * e0 + e1 * e1 + e2 * e2
@@ -272,9 +276,9 @@ def _trace(
         facet = beyond[facet, out]
         if facet < 0:
             return np.inf
-        off = max(off, ground.off[facet])
+        off, weight = max(off, ground.off[facet]), max(weight, ground.weight[facet])
         if facet == goal or (count < 3 and _has(triangles, facet, one) and _has(triangles, facet, other)):
-            return sqrt(largest) + off
+            return weight * (sqrt(largest) + off)
         top = 0  # of the vertices of the facet reached, that which is not on the edge crossed
         if triangles[facet, 1] != p and triangles[facet, 1] != q:
             top = 1
@@ -299,7 +303,7 @@ def _trace(
 def _along_curve(
     points: np.ndarray, segment: int, vertex: int, end: int, ground: Ground, standing: Standing
 ) -> float:
-    """The largest distance of the curve's vertices between the ends of an edge of it from that edge."""
+    """The weighted largest distance of the curve's vertices between the ends of an edge from that edge."""
     if standing.kind[vertex] != CURVE:
         vertex, end = end, vertex
     if standing.kind[vertex] != CURVE:
@@ -329,10 +333,11 @@ def _on_segment(segment: int, end: int, ground: Ground, standing: Standing) -> b
 
 
 def _from_edge(points: np.ndarray, node: int, vertex: int, end: int, ground: Ground) -> float:
-    """The squared distance of the place of an input vertex from the edge from ``vertex`` to ``end``."""
+    """The weighted squared distance of an input vertex's place from the edge from ``vertex`` to ``end``."""
     a2 = b2 = 0.0
     if points.shape[1] == 3:
         a2, b2 = points[vertex, 2] - ground.places[node, 2], points[end, 2] - ground.places[node, 2]
     a0, a1 = points[vertex, 0] - ground.places[node, 0], points[vertex, 1] - ground.places[node, 1]
     b0, b1 = points[end, 0] - ground.places[node, 0], points[end, 1] - ground.places[node, 1]
-    return _to_segment(a0, a1, a2, b0, b1, b2)
+    weight = ground.weight_at[node]
+    return weight * weight * _to_segment(a0, a1, a2, b0, b1, b2)

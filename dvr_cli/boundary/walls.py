@@ -1,0 +1,169 @@
+"""Walls: how far from a sheet of facets the sheet across is, be there material or a gap between them.
+
+Two sheets that each come half as far from the input as they are apart can cross. So where a wall is thin the
+boundary may come from the input by at most a third of its thickness (see ``relax.surface.overlay``).
+
+From a few points of each facet a ray goes both ways along its normal, through the cells of a grid that have
+the facets which are near. Where all that are near are of one patch and look the same way as the facet, they
+are its own sheet, and are not looked at one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dvr_cli.boundary.freedom import unit
+from dvr_cli.mesh.csr import group, row_entries
+from dvr_cli.mesh.ranks import distinct
+
+_SAMPLES = np.array([[1, 1, 1], [8, 1, 1], [1, 8, 1], [1, 1, 8]])  # barycentric, within a triangle
+_CELLS = 27  # cells of the grid that a facet is in, on average at most
+_FARTHEST = (1 << 20) - 1  # the number of a cell along an axis at most; all beyond are one
+_ONE_WAY = 0.5  # cosine of the angle up to which two facets look the same way
+_PAIRS = 1 << 20  # pairs of a ray and a facet looked at together
+
+
+def thickness(points: np.ndarray, triangles: np.ndarray, patch: np.ndarray, reach: float) -> np.ndarray:
+    """(T,) how far from each triangle the next one straight across is, infinite beyond ``reach``.
+
+    points: (N, 3); triangles: (T, 3) of the boundary or surface; patch: (T,) the smooth part each is of.
+    Triangles with a vertex or an edge in common, or between them, are not across from each other.
+    """
+    corners = points[triangles]
+    normals = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    result = np.full(len(triangles), np.inf)
+    if not len(triangles):
+        return result
+    grid, edges = _Grid.of(corners, normals, patch), _Edges(triangles, len(points))
+    steps = int(np.ceil(reach / grid.step))
+    facets = np.arange(len(triangles))
+    for weights in _SAMPLES / _SAMPLES.sum(axis=1, keepdims=True):
+        origin, passed = weights @ corners[facets], np.zeros(len(facets), dtype=bool)
+        for along in np.arange(-steps, steps + 1) * (reach / max(steps, 1)):
+            cell = grid.find(origin + along * normals[facets])
+            ray = np.flatnonzero(cell >= 0)
+            ray = ray[~grid.is_sheet_of(cell[ray], normals[facets[ray]], patch[facets[ray]])]
+            passed[ray] = True
+            for some, other in grid.pairs(ray, cell[ray]):
+                one = facets[some]
+                gap = _gap(origin[some], corners[other], normals[one])
+                near = np.flatnonzero(gap <= reach)
+                near = near[~edges.between(one[near], other[near])]
+                np.minimum.at(result, one[near], gap[near])
+                np.minimum.at(result, other[near], gap[near])
+        facets = facets[passed]  # where the ray from the middle comes by no other sheet none will
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """The cells of a grid, and the facets in each.
+
+    A ray that is looked at every ``step`` comes by all facets that it hits. keys: (C,) of the cells,
+    ascending; facet, start: those in each. single: (C,) bool, whether they are of one patch and look the same
+    way, that of ``normals`` (C, 3); patch: (C,) that of the first.
+    """
+
+    origin: np.ndarray
+    step: float
+    keys: np.ndarray
+    facet: np.ndarray
+    start: np.ndarray
+    single: np.ndarray
+    normals: np.ndarray
+    patch: np.ndarray
+
+    @classmethod
+    def of(cls, corners: np.ndarray, normals: np.ndarray, patch: np.ndarray) -> _Grid:
+        """That of facets with these corners (T, 3, 3), unit normals (T, 3) and patches (T,)."""
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        step = float((high - low).max(axis=1).mean())
+        while True:
+            origin = low.min(axis=0) - step
+            first = _place(low - 0.5 * step, origin, step)
+            width = _place(high + 0.5 * step, origin, step) - first + 1
+            count = width.prod(axis=1)
+            if count.sum() <= _CELLS * len(low):
+                break
+            step *= 1.5
+        facet = np.repeat(np.arange(len(low)), count)
+        number = np.arange(len(facet)) - np.repeat(np.cumsum(count) - count, count)
+        place = np.empty((len(facet), 3), dtype=np.int64)
+        for i in range(3):
+            place[:, i] = first[facet, i] + number % width[facet, i]
+            number //= width[facet, i]
+        key = _key(place)
+        keys = distinct(key)
+        position, start = group(np.searchsorted(keys, key), len(keys))
+        facet = facet[position]
+        mean = unit(np.add.reduceat(normals[facet], start[:-1]))
+        cell = np.repeat(np.arange(len(keys)), np.diff(start))
+        alike = (normals[facet] * mean[cell]).sum(axis=1) > _ONE_WAY
+        single, own = np.ones(len(keys), dtype=bool), patch[facet[start[:-1]]]
+        single[cell[~alike | (patch[facet] != own[cell])]] = False
+        return cls(origin, step, keys, facet, start, single, mean, own)
+
+    def find(self, points: np.ndarray) -> np.ndarray:
+        """(n,) the cell of each point, -1 for one without facets."""
+        key = _key(_place(points, self.origin, self.step))
+        cell = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
+        return np.where(self.keys[cell] == key, cell, -1)
+
+    def is_sheet_of(self, cell: np.ndarray, normals: np.ndarray, patch: np.ndarray) -> np.ndarray:
+        """(n,) bool: whether all in a cell are of the sheet of a facet with this normal and patch."""
+        alike = (self.normals[cell] * normals).sum(axis=1) > _ONE_WAY
+        return np.asarray(self.single[cell] & (self.patch[cell] == patch) & alike)
+
+    def pairs(self, ray: np.ndarray, cell: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Each ray with each facet in its cell, in portions."""
+        ahead = np.cumsum(np.diff(self.start)[cell])
+        cuts = np.searchsorted(ahead, np.arange(_PAIRS, ahead[-1] if len(ahead) else 0, _PAIRS))
+        for some, where in zip(np.split(ray, cuts), np.split(cell, cuts), strict=True):
+            entries, row_start = row_entries(self.start, where)
+            yield np.repeat(some, np.diff(row_start)), self.facet[entries]
+
+
+class _Edges:
+    """The edges of triangles, to ask whether two of these are neighbours."""
+
+    def __init__(self, triangles: np.ndarray, n_points: int) -> None:
+        self._triangles, self._n = triangles.astype(np.int64), n_points
+
+    @cached_property
+    def _keys(self) -> np.ndarray:
+        """Of all ordered pairs of vertices of a triangle, a vertex with itself too, ascending."""
+        a, b, n = self._triangles.ravel(), self._triangles[:, [1, 2, 0]].ravel(), self._n
+        return distinct(np.concatenate([a * n + b, b * n + a, np.arange(n) * (n + 1)]))
+
+    def between(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """(n,) bool: whether triangles share a vertex, or an edge leads from the one to the other."""
+        a, b = self._triangles[one], self._triangles[other]
+        wanted = (a[:, :, None] * self._n + b[:, None, :]).reshape(-1, 9)
+        place = np.minimum(np.searchsorted(self._keys, wanted), len(self._keys) - 1)
+        return np.asarray((self._keys[place] == wanted).any(axis=1))
+
+
+def _place(points: np.ndarray, origin: np.ndarray, step: float) -> np.ndarray:
+    """(n, 3) the cell of each point along each axis."""
+    return np.clip((points - origin) // step, 0, _FARTHEST).astype(np.int64)
+
+
+def _key(place: np.ndarray) -> np.ndarray:
+    """(n,) one number for each cell."""
+    return place[:, 0] << 40 | place[:, 1] << 20 | place[:, 2]
+
+
+def _gap(origin: np.ndarray, other: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """(n,) how far along its normal (n, 3), either way, the ray of a point hits a triangle (n, 3, 3)."""
+    e, f = other[:, 1] - other[:, 0], other[:, 2] - other[:, 0]
+    x, area = origin - other[:, 0], np.cross(e, f)
+    det = (area * normals).sum(axis=1)
+    size = np.where(det == 0.0, np.inf, det)
+    turned = np.cross(normals, x)  # Möller and Trumbore's test
+    u, w = (f * turned).sum(axis=1) / size, -(e * turned).sum(axis=1) / size
+    over = (u >= 0.0) & (w >= 0.0) & (u + w <= 1.0) & (det != 0.0)
+    return np.where(over, np.abs((x * area).sum(axis=1) / size), np.inf)

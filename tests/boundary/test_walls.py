@@ -1,0 +1,102 @@
+"""Walls: their thickness by a ray's hits one by one, and thin ones that stay apart."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from curved_parts import apart
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.smoothing import smooth_mesh
+from dvr_cli.boundary.self_intersection import crossing_facets
+from dvr_cli.boundary.walls import thickness
+from dvr_cli.mesh.mesh import Cells, Mesh
+
+
+def shell(subdivisions: int, inner: float, noise: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Two balls one in the other, which look away from each other, with vertices shaken along them."""
+    ball = trimesh.creation.icosphere(subdivisions)
+    turn = trimesh.transformations.rotation_matrix(0.3, [1.0, 2.0, 3.0])[:3, :3]
+    rng = np.random.default_rng(1)
+    spheres = []
+    for radius, frame in ((1.0, np.eye(3)), (inner, turn)):
+        points = ball.vertices + rng.normal(scale=noise, size=ball.vertices.shape)
+        spheres.append(radius * (points / np.linalg.norm(points, axis=1)[:, None]) @ frame.T)
+    return np.concatenate(spheres), np.concatenate([ball.faces, ball.faces[:, ::-1] + len(ball.vertices)])
+
+
+def hits(points: np.ndarray, triangles: np.ndarray, reach: float) -> np.ndarray:
+    """(T,) the nearest hit of rays from the middle of each triangle, solved for each pair by itself."""
+    result = np.full(len(triangles), np.inf)
+    for i, own in enumerate(points[triangles]):
+        area = np.cross(own[1] - own[0], own[2] - own[0])
+        normal = area / np.linalg.norm(area)
+        for j, (a, b, c) in enumerate(points[triangles]):
+            if set(triangles[i]) & set(triangles[j]):
+                continue
+            matrix = np.stack([b - a, c - a, -normal], axis=1)
+            if abs(np.linalg.det(matrix)) < 1e-12:
+                continue
+            u, w, way = np.linalg.solve(matrix, own.mean(axis=0) - a)
+            if u >= 0 and w >= 0 and u + w <= 1 and abs(way) <= reach:
+                result[[i, j]] = np.minimum(result[[i, j]], abs(way))
+    return result
+
+
+@pytest.mark.parametrize("reach", [0.02, 0.25, 1.0])
+def test_the_thickness_is_at_most_what_one_ray_finds(reach):
+    """And not much less: other rays of a triangle hit a little nearer to the bend between facets."""
+    points, triangles = shell(1, 0.85)
+    patch = np.repeat([0, 1], len(triangles) // 2)
+    found, one_ray = thickness(points, triangles, patch, reach), hits(points, triangles, reach)
+    assert (found <= one_ray + 1e-12).all()
+    assert np.isinf(found).all() == (reach < 0.1)
+    if reach > 0.1:
+        assert found.min() > 0.1
+        assert found.max() < 0.21
+
+
+def test_the_thickness_of_a_slab_and_a_slot():
+    """Two plates, 0.01 apart, of which one covers a part of the other; a wall far away has no part in it."""
+    side = np.linspace(0.0, 1.0, 9)
+    x, y = (each.ravel() for each in np.meshgrid(side, side, indexing="ij"))
+    number = np.arange(81).reshape(9, 9)
+    corner = [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]
+    a, b, c, d = (each.ravel() for each in corner)
+    plate = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    heights = np.repeat([0.0, 0.01, 0.5], 81)
+    points = np.stack([np.tile(x, 3), np.tile(y, 3), heights], axis=1)
+    points[81:162, 0] *= 0.5
+    triangles = np.concatenate([plate, plate[:, ::-1] + 81, plate + 162])
+    found = thickness(points, triangles, np.repeat([0, 1, 2], len(plate)), 0.1)
+    middle = points[triangles].mean(axis=1)
+    below = (middle[:, 2] < 0.1) & (middle[:, 0] < 0.5)
+    assert found[below] == pytest.approx(0.01)
+    assert np.isinf(found[middle[:, 0] > 0.51]).all()
+    assert np.isinf(found[middle[:, 2] > 0.4]).all()
+
+
+def test_a_ball_has_no_walls():
+    ball = trimesh.creation.icosphere(3)
+    assert np.isinf(thickness(ball.vertices, ball.faces, np.zeros(len(ball.faces), dtype=int), 0.05)).all()
+
+
+def test_thin_walls_stay_apart():
+    """Where the bound is far beyond the wall's thickness, the wall comes by a third of it at most."""
+    points, triangles = shell(2, 0.94, noise=0.04)
+    options = SmoothOptions.of(
+        {"directions": "random", "max_deviation": 0.2, "engine": "numpy", "max_iterations": 3}
+    )
+    assert not crossing_facets(points, triangles).any()
+    outer = len(triangles) // 2
+    alone, _ = smooth_mesh(Mesh(points[: len(points) // 2], [Cells("triangle", triangles[:outer])]), options)
+    after, report = smooth_mesh(Mesh(points, [Cells("triangle", triangles)]), options)
+    assert (after != points).any(axis=1).mean() > 0.5
+
+    n = len(points) // 2
+    third = thickness(points, triangles, np.repeat([0, 1], outer), 0.2).max() / 3.0
+    assert apart(points[:n], alone, triangles[:outer]) > 1.2 * third
+    assert apart(points[:n], after[:n], triangles[:outer]) < third
+    assert not crossing_facets(after, triangles).any()
+    assert report.boundary.deviation < third
