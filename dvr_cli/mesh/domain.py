@@ -231,7 +231,7 @@ def check_coordinates(points: np.ndarray) -> None:
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
         raise InputError(f"the coordinates of vertex {bad[0]} (counted from 0) are not finite")
-    if np.abs(points).max(initial=0.0) > _LARGEST:
+    if float(np.abs(points).max(initial=0.0)) > _LARGEST:  # as 32 bits the limit itself would overflow
         raise InputError(f"coordinates beyond {_LARGEST:g} cannot be computed with; choose another unit")
 
 

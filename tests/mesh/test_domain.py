@@ -266,6 +266,7 @@ def test_coordinates_too_large_to_compute_with():
     assert domain_of(Mesh(mesh.points * 1e49, mesh.cells)).interior.any()
 
 
+@pytest.mark.filterwarnings("error")
 def test_points_of_any_layout_become_what_kernels_are_compiled_for():
     mesh = random_mesh("tetra", 0)
     for points in (np.asfortranarray(mesh.points), mesh.points.astype(np.float32)):

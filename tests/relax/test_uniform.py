@@ -57,7 +57,7 @@ def answered(vertex, seed, sweep, d):
 
 
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize(("seed", "sweep"), zip(SEEDS, SWEEPS, strict=True))
+@pytest.mark.parametrize(("seed", "sweep"), list(zip(SEEDS, SWEEPS, strict=True)))
 def test_a_vector_is_that_of_its_seed_sweep_and_vertex(d, seed, sweep):
     vectors = drawn(VERTICES, seed, sweep, d)
     expected = [answered(int(vertex), seed, sweep, d) for vertex in VERTICES]
