@@ -183,7 +183,7 @@ def test_zones_are_one_mesh_and_stay_together(tmp_path):
     (tmp_path / "in.cgns").write_bytes(data)
     paths = [str(tmp_path / name) for name in ("in.cgns", "out.cgns")]
     for boundary in ("fixed", "slide"):
-        assert main(["smooth", *paths, "-q", "--boundary", boundary]) == 0
+        assert main(["smooth", *paths, "-q", "-n", "2", "--boundary", boundary]) == 0
         after = format_.read((tmp_path / "out.cgns").read_bytes()).mesh
         assert not np.array_equal(after.points, mesh.points)
         assert np.array_equal(after.points[mesh.periodic], pairs)
@@ -202,7 +202,7 @@ def test_what_connects_zones_is_held():
 def test_the_interface_between_families_stays(boxes, tmp_path):
     (tmp_path / "in.cgns").write_bytes(boxes)
     paths = [str(tmp_path / name) for name in ("in.cgns", "out.cgns")]
-    assert main(["smooth", *paths, "-q"]) == 0
+    assert main(["smooth", *paths, "-q", "-n", "2"]) == 0
     new = (tmp_path / "out.cgns").read_bytes()
     assert len(differences(hdf5_objects(boxes), hdf5_objects(new))) == 3
     before, after = nodes_by_gmsh(tmp_path / "in.cgns"), nodes_by_gmsh(tmp_path / "out.cgns")

@@ -236,8 +236,9 @@ def test_a_surface_keeps_its_smallest_altitude():
 def test_both_engines_cut_alike(kind, boundary):
     require("numba")
     mesh = random_mesh(kind, 11, noise=0.03)
+    options = {"boundary": boundary, "stopping": Stopping(4)}
     results = [
-        smooth_mesh(mesh, SmoothOptions(engine=engine, threads=threads, boundary=boundary))[0].tobytes()
+        smooth_mesh(mesh, SmoothOptions(engine=engine, threads=threads, **options))[0].tobytes()
         for engine, threads in (("numpy", 1), ("numba", 1), ("numba", 2))
     ]
     assert results[0] == results[1] == results[2]

@@ -10,6 +10,7 @@ from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.api.warming import SORTS
 from dvr_cli.relax.engines import choice, handover
+from dvr_cli.relax.stopping import Stopping
 from meshes import random_mesh
 from needs import require
 
@@ -28,6 +29,11 @@ class Countdown:
         return self.left < 0
 
 
+def settings(**options):
+    """The options of a run of few sweeps."""
+    return SmoothOptions(seed=3, stopping=Stopping(4), **options)
+
+
 def smoothed(mesh, monkeypatch, asked, on_sweep=None, **options):
     """Points and report of a run whose kernels are there after so many batches, and the countdown."""
     countdown, sorts = Countdown(asked), []
@@ -35,17 +41,15 @@ def smoothed(mesh, monkeypatch, asked, on_sweep=None, **options):
     monkeypatch.setattr(choice, "_REPAYS_STARTING", 0)
     monkeypatch.setattr(handover, "compiling", lambda sort: sorts.append(sort) or countdown)
     hook = None if on_sweep is None else lambda sweep: on_sweep(sweep, countdown)
-    points, report = smooth_mesh(
-        mesh, SmoothOptions(seed=3, threads=2, **options), on_sweep=hook, meanwhile=True
-    )
+    points, report = smooth_mesh(mesh, settings(threads=2, **options), on_sweep=hook, meanwhile=True)
     assert set(sorts) <= set(SORTS)
     return points, report, countdown
 
 
 @pytest.mark.parametrize("kind", ["tetra", "triangle", "hexahedron"])
 def test_it_does_not_matter_when_the_compiled_engine_takes_over(kind, monkeypatch):
-    mesh, many, places = random_mesh(kind, 5, n=4), 10**6, {}
-    expected, alone = smooth_mesh(mesh, SmoothOptions(seed=3, engine="numpy"))
+    mesh, many, places = random_mesh(kind, 5), 10**6, {}
+    expected, alone = smooth_mesh(mesh, settings(engine="numpy"))
     assert not np.array_equal(expected, mesh.points)
 
     def record(sweep, countdown):
@@ -65,7 +69,7 @@ def test_it_does_not_matter_when_the_compiled_engine_takes_over(kind, monkeypatc
 
 def test_vertices_that_walk_go_on_from_where_they_are(monkeypatch):
     mesh, options = SORTS["curved boundaries"]()
-    expected, _ = smooth_mesh(mesh, SmoothOptions(seed=3, engine="numpy", **options))
+    expected, _ = smooth_mesh(mesh, settings(engine="numpy", **options))
     points, report, _ = smoothed(mesh, monkeypatch, 10, **options)
     assert report.engine == "numba"
     np.testing.assert_array_equal(points, expected)
@@ -83,7 +87,7 @@ def test_a_run_goes_on_alone_if_no_process_can_be_started(monkeypatch):
     monkeypatch.setattr(choice, "_are_compiled", lambda folders: False)
     monkeypatch.setattr(choice, "_REPAYS_STARTING", 0)
     mesh = random_mesh("tetra", 5)
-    assert smooth_mesh(mesh, SmoothOptions(), meanwhile=True)[1].engine == "numpy"
+    assert smooth_mesh(mesh, settings(), meanwhile=True)[1].engine == "numpy"
 
 
 def until(holds):

@@ -74,7 +74,7 @@ def patch_of(run, layers=1, seed=None):
 # ------------------------------------------------------------------------------------------- the guarantee
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.sampled_from(KINDS), st.integers(0, 10**6), st.integers(0, 5), st.sampled_from([0.0, 1e6]))
 def test_the_vector_grows_in_every_round(kind, seed, sweeps, shift):
     """Without a tolerance, also for a mesh far from the origin, whatever the element type."""
@@ -183,11 +183,11 @@ def timeless(outcome):
 @pytest.mark.parametrize("kind", KINDS)
 def test_same_bytes_in_both_engines_on_any_number_of_threads(kind):
     run = Run(kind, 6)
-    outcome = run.patches(NumpyEngine)
+    outcome = run.patches(NumpyEngine, max_iterations=6)
     assert outcome.sweeps
     assert run.engine.points.tobytes() == outcome.points.tobytes()
     for threads in (1, 2, 3):
-        other = run.patches(NumbaEngine, threads)
+        other = run.patches(NumbaEngine, threads, max_iterations=6)
         assert other.points.tobytes() == outcome.points.tobytes()
         assert [replace(s, seconds=0) for s in other.sweeps] == [
             replace(s, seconds=0) for s in outcome.sweeps
@@ -241,7 +241,7 @@ def test_vertices_keep_to_their_planes_and_lines(kind, angle):
     for engine in (NumpyEngine(problem), NumbaEngine(problem, 2)):
         engine.load(domain.points)
         before = engine.q1()
-        outcome = relax_patches(engine, Stopping())
+        outcome = relax_patches(engine, Stopping(6))
         assert engine.q1() > before
         reached.append(outcome.points)
     assert reached[0].tobytes() == reached[1].tobytes()
