@@ -18,6 +18,7 @@ from dvr_cli.files.reading import open_mesh
 from dvr_cli.files.writing import Output
 from dvr_cli.relax.stopping import Stopping
 from fuzz import mutated
+from pairwise import named_cases
 
 VTK_NAMES = list(vtk_corpus.corpus())
 # Why files cannot be relaxed, by what their names begin with; all others can.
@@ -75,7 +76,7 @@ def around(data: bytes, begin: bytes, end: bytes) -> tuple[bytes, bytes]:
     return data[: head + len(begin)], data[tail:]
 
 
-@pytest.mark.parametrize("name", gmsh_corpus.NAMES)
+@pytest.mark.parametrize("name", named_cases(gmsh_corpus.NAMES))
 def test_gmsh_files(runner, name):
     data = gmsh_corpus.corpus(name)
     result = runner.smooth(data, ".msh", 0)
@@ -100,7 +101,7 @@ def test_gmsh_files(runner, name):
         assert getattr(after, what) == getattr(before, what), what
 
 
-@pytest.mark.parametrize("name", VTK_NAMES)
+@pytest.mark.parametrize("name", named_cases(VTK_NAMES))
 def test_vtk_files(runner, name):
     """Those that can be relaxed have no vertex inside, so that they come back as they were, but surfaces."""
     data = vtk_corpus.corpus()[name]

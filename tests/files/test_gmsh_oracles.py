@@ -20,6 +20,7 @@ from dvr_cli.mesh.groups import group_cells
 from dvr_cli.mesh.mesh import Mesh
 from gmsh_corpus import NAMES, Account, account, corpus
 from gmsh_session import gmsh_session
+from pairwise import named_cases
 
 
 def supported_types() -> dict[int, CellType]:
@@ -78,7 +79,7 @@ def tags_of(mesh: Mesh, block: int) -> np.ndarray:
 # --------------------------------------------------------------------------------------- against Gmsh
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", named_cases(NAMES))
 def test_same_nodes_and_cells_as_gmsh(name):
     mesh, gmsh, tags = both(name)
     assert sorted(tags) == sorted(gmsh.nodes)
@@ -88,7 +89,7 @@ def test_same_nodes_and_cells_as_gmsh(name):
     assert all(c.vertices.dtype == np.int32 for c in mesh.cells)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", named_cases(NAMES))
 def test_same_groups_as_gmsh(name):
     mesh, gmsh, tags = both(name)
     keys = cell_keys(mesh, tags)
@@ -112,7 +113,7 @@ def test_same_groups_as_gmsh(name):
     assert in_none == {key for block in keys for key in block} - grouped
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", named_cases(NAMES))
 def test_groups_are_found_by_name(name):
     mesh, gmsh, tags = both(name)
     keys = cell_keys(mesh, tags)
@@ -128,7 +129,9 @@ def test_groups_are_found_by_name(name):
             assert inside == set().union(*(gmsh.members(*group) for group in alike))
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if not re.match("partitioned.*-22", name)])
+@pytest.mark.parametrize(
+    "name", named_cases([name for name in NAMES if not re.match("partitioned.*-22", name)])
+)
 def test_same_entities_as_gmsh(name):
     """But for partitions in MSH 2, for which Gmsh makes up entities that are not in the file."""
     mesh, gmsh, tags = both(name)

@@ -10,6 +10,7 @@ import pytest
 
 from dvr_cli.files.gmsh import read
 from gmsh_corpus import NAMES, account, corpus
+from pairwise import named_cases
 from sources import written
 
 ASCII = [name for name in NAMES if name.endswith("ascii")]
@@ -46,14 +47,14 @@ def around_nodes(data: bytes) -> tuple[bytes, bytes, bytes]:
     return data[: match.start()], match[0], data[match.end() :]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", named_cases(NAMES))
 def test_unmoved_mesh_comes_back_byte_identical(name):
     source = read(corpus(name))
     assert written(source, source.mesh.points) == corpus(name)
     assert source.notes == []
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", named_cases(NAMES))
 def test_moved_mesh_differs_in_coordinates_only(name):
     source = read(corpus(name))
     points = moved(source.mesh.points)
@@ -73,7 +74,7 @@ def test_moved_mesh_differs_in_coordinates_only(name):
         assert same_bits(old.vertices, new.vertices)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", named_cases(NAMES))
 def test_gmsh_finds_everything_in_the_output(name):
     source = read(corpus(name))
     before, after = account(corpus(name)), account(written(source, moved(source.mesh.points)))

@@ -10,6 +10,7 @@ import pytest
 
 from dvr_cli.errors import InputError
 from fuzz import COUNTS, mutated
+from pairwise import named_cases
 from sources import bits, written
 from vtk_corpus import arrays, cells, coordinates, everything_but_coordinates
 from vtkxml_corpus import NAMES, file, grid, module_of, points_blanked, read_with_vtk, write
@@ -26,14 +27,14 @@ def moved(points: np.ndarray) -> np.ndarray:
     return points
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", named_cases(NAMES))
 def test_unmoved_is_identical(name):
     data = file(name)
     source = read(data)
     assert written(source, source.mesh.points.copy()) == data
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", named_cases(NAMES))
 def test_vtk_reads_the_same_points_cells_and_arrays(name):
     data = file(name)
     mesh, oracle = read(data).mesh, read_with_vtk(data)
@@ -64,7 +65,7 @@ def test_vtk_reads_the_same_points_cells_and_arrays(name):
         assert np.array_equal(values, theirs, equal_nan=True)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", named_cases(NAMES))
 def test_moved_differs_in_coordinates_only(name):
     data = file(name)
     source = read(data)
@@ -79,7 +80,7 @@ def test_moved_differs_in_coordinates_only(name):
     assert bits(read(output).mesh.points) == bits(source.stored(points))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", named_cases(NAMES))
 def test_widened_stores_every_bit(name):
     data = file(name)
     source = read(data)
@@ -96,7 +97,7 @@ def test_widened_stores_every_bit(name):
         assert everything_but_coordinates(oracle) == everything_but_coordinates(read_with_vtk(data))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", named_cases(NAMES))
 def test_a_cell_field_is_added_and_replaced(name):
     data = file(name)
     source = read(data)
