@@ -28,8 +28,8 @@ def dvr(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
 
 @pytest.fixture(scope="session")
 def cube(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A Delaunay mesh of 3000 random points in a cube; a sweep takes some hundredths of a second."""
+    """A Delaunay mesh of 800 random points in a cube, of some thousand tetrahedra."""
     corners = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
-    points = np.concatenate([corners, np.random.default_rng(7).random((3000, 3))])
+    points = np.concatenate([corners, np.random.default_rng(7).random((800, 3))])
     path = tmp_path_factory.mktemp("cube") / "cube.vtk"
     return write(path, points, {"tetra": Delaunay(points).simplices})

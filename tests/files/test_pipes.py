@@ -1,7 +1,8 @@
-"""Pipes of real processes: Gmsh, dvr, and readers of what comes out."""
+"""Pipes: of real processes, Gmsh, dvr and readers of what comes out; what bytes tell, in this process."""
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import subprocess
@@ -13,6 +14,7 @@ import meshio
 import numpy as np
 import pytest
 
+from dvr_cli.cli.main import main
 from dvr_cli.files.reading import open_mesh
 from gmsh_corpus import account
 from needs import require
@@ -35,6 +37,18 @@ def run(*command: object, data: bytes | None = None, **options: object) -> subpr
     return subprocess.run(
         [str(word) for word in command], input=data, capture_output=True, check=False, timeout=60, **options
     )
+
+
+@pytest.fixture
+def piped(monkeypatch, capsysbinary):
+    """Run ``dvr`` in this process with ``data`` on its standard input: exit code, stdout, stderr."""
+
+    def run(data: bytes, *arguments: str) -> tuple[int, bytes, bytes]:
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))
+        capsysbinary.readouterr()
+        return main([*arguments]), *capsysbinary.readouterr()
+
+    return run
 
 
 def pipeline(*commands: list[object]) -> list[subprocess.CompletedProcess[bytes]]:
@@ -81,7 +95,7 @@ def generator(tmp_path: Path) -> list[object]:
 def test_from_gmsh_through_dvr_to_a_file(generator, version, binary):
     generated = run(*generator, "-format", version, *binary)
     assert generated.returncode == 0, generated.stderr
-    *_, smoothed = pipeline([*generator, "-format", version, *binary], [DVR, "smooth", "-", "-"])
+    *_, smoothed = pipeline([*generator, "-format", version, *binary], [DVR, "smooth", "-", "-", "-n", "2"])
     assert smoothed.returncode == 0, smoothed.stderr
     before, after = account(generated.stdout), account(smoothed.stdout)
     assert after.complaints == []
@@ -96,7 +110,7 @@ def test_from_gmsh_through_dvr_to_a_file(generator, version, binary):
 def test_from_gmsh_through_dvr_twice(generator):
     *_, measured = pipeline(
         [*generator, "-format", "msh41", "-bin"],
-        [DVR, "smooth", "-", "-", "--quiet"],
+        [DVR, "smooth", "-", "-", "--quiet", "-n", "2"],
         [DVR, "report", "quality", "-"],
     )
     assert (measured.returncode, measured.stderr) == (0, b"")
@@ -112,7 +126,7 @@ def test_gmsh_reads_from_the_pipe(generator, tmp_path):
     reader = "import sys; data = sys.stdin.buffer.read(); open(sys.argv[1], 'wb').write(data)"
     *_, last = pipeline(
         [*generator, "-format", "msh41", "-bin"],
-        [DVR, "smooth", "-", "-", "-q"],
+        [DVR, "smooth", "-", "-", "-q", "-n", "2"],
         [sys.executable, "-c", reader, kept],
     )
     assert last.returncode == 0
@@ -161,44 +175,47 @@ def fan(path: Path, name: str) -> bytes:
 
 
 @pytest.mark.parametrize("name", SNIFFED)
-def test_the_format_is_told_by_the_bytes_and_kept(tmp_path, name):
+def test_the_format_is_told_by_the_bytes_and_kept(tmp_path, monkeypatch, piped, name):
     data = fan(tmp_path / "mesh", name)
-    piped = run(DVR, "smooth", "-", "-", "-d", "axis", data=data, cwd=tmp_path)
-    assert piped.returncode == 0, piped.stderr
+    monkeypatch.chdir(tmp_path)
+    code, out, err = piped(data, "smooth", "-", "-", "-d", "axis")
+    assert code == 0, err
     assert {path.name for path in tmp_path.iterdir()} == {"mesh"}
     path = tmp_path / f"out.{SUFFIXES[format_of(name)]}"
-    path.write_bytes(piped.stdout)
+    path.write_bytes(out)
     np.testing.assert_allclose(open_mesh(path).mesh.points[4], [0.5, 0.5, 0.0], atol=0.01)
 
 
 @pytest.mark.parametrize("name", ["gmsh41-binary", "vtk", "vtu", "obj", "medit", "off", "ply"])
-def test_the_format_of_the_output_can_be_named(tmp_path, name):
+def test_the_format_of_the_output_can_be_named(tmp_path, piped, name):
     data, wanted = fan(tmp_path / "mesh", "gmsh22"), format_of(name)
-    piped = run(DVR, "smooth", "-", "-", "-q", "--input-format", "gmsh", "--output-format", wanted, data=data)
-    assert (piped.returncode, piped.stderr) == (0, b"")
+    formats = ["--input-format", "gmsh", "--output-format", wanted]
+    code, out, err = piped(data, "smooth", "-", "-", "-q", *formats)
+    assert (code, err) == (0, b"")
     path = tmp_path / f"out.{SUFFIXES[wanted]}"
-    path.write_bytes(piped.stdout)
+    path.write_bytes(out)
     assert len(open_mesh(path).mesh.points) == 5
 
 
-def test_a_format_that_bytes_do_not_tell_has_to_be_named():
+def test_a_format_that_bytes_do_not_tell_has_to_be_named(piped):
     """The numbers of an AFLR3 file could be anything's; SU2 has keywords."""
-    refused = run(DVR, "report", "quality", "-", data=b"4 0 0 1 0 0 0\n0 0 0 1 0 0 0 1 0 0 0 1\n1 2 3 4\n")
-    assert (refused.returncode, refused.stdout) == (3, b"")
-    assert refused.stderr.startswith(b"dvr: error: standard input: neither its suffix nor its first bytes")
+    numbers = b"4 0 0 1 0 0 0\n0 0 0 1 0 0 0 1 0 0 0 1\n1 2 3 4\n"
+    code, out, err = piped(numbers, "report", "quality", "-")
+    assert (code, out) == (3, b"")
+    assert err.startswith(b"dvr: error: standard input: neither its suffix nor its first bytes")
     data = b"NDIME= 2\nNELEM= 1\n9 0 1 2 3 0\nNPOIN= 4\n0 0 0\n1 0 1\n1 1 2\n0 1 3\nNMARK= 0\n"
-    assert run(DVR, "report", "quality", "-", data=data).returncode == 0
-    assert run(DVR, "report", "quality", "-", "--input-format", "su2", data=data).returncode == 0
+    assert piped(data, "report", "quality", "-")[0] == 0
+    assert piped(data, "report", "quality", "-", "--input-format", "su2")[0] == 0
 
 
 @posix
 @pytest.mark.parametrize(
     "name", ["gmsh41-binary", *(pytest.param(name, marks=long) for name in ("vtk", "vtu", "medit"))]
 )
-def test_a_pipe_that_has_a_name(tmp_path, name):
+def test_a_pipe_that_has_a_name(tmp_path, piped, name):
     """As a shell's <(...) and >(...), or /dev/stdin and /dev/stdout."""
     data = fan(tmp_path / "mesh", name)
-    expected = run(DVR, "smooth", "-", "-", data=data).stdout
+    _, expected, _ = piped(data, "smooth", "-", "-")
     assert expected
     assert run(DVR, "smooth", "/dev/stdin", "/dev/stdout", "-q", data=data).stdout == expected
     pipe = tmp_path / "pipe"
@@ -213,13 +230,13 @@ def test_a_pipe_that_has_a_name(tmp_path, name):
 
 
 @posix
-def test_standard_output_by_name_that_is_a_file(tmp_path):
+def test_standard_output_by_name_that_is_a_file(tmp_path, piped):
     """What stood in front of the mesh in that file is the shell's business; no report is left in /dev."""
     data = fan(tmp_path / "mesh", "gmsh22")
     with (tmp_path / "out.msh").open("wb") as file:
         command = [DVR, "smooth", str(tmp_path / "mesh"), "/dev/stdout", "-q", "--input-format", "gmsh"]
         assert subprocess.run(command, stdout=file, check=False, timeout=60).returncode == 0
-    assert (tmp_path / "out.msh").read_bytes() == run(DVR, "smooth", "-", "-", data=data).stdout
+    assert (tmp_path / "out.msh").read_bytes() == piped(data, "smooth", "-", "-")[1]
     assert not Path("/dev/stdout.quality.json").exists()
 
 
@@ -228,10 +245,10 @@ def test_standard_output_by_name_that_is_a_file(tmp_path):
 
 @pytest.mark.parametrize("data", [b"", b"\n \n"])
 @pytest.mark.parametrize("arguments", [["smooth", "-", "-"], ["report", "quality", "-"]])
-def test_empty_input_is_an_error(data, arguments):
-    process = run(DVR, *arguments, data=data)
-    assert (process.returncode, process.stdout) == (3, b"")
-    assert re.fullmatch(rb"dvr: error: standard input: .*\n", process.stderr)
+def test_empty_input_is_an_error(piped, data, arguments):
+    code, out, err = piped(data, *arguments)
+    assert (code, out) == (3, b"")
+    assert re.fullmatch(rb"dvr: error: standard input: .*\n", err)
 
 
 def test_a_generator_that_fails_leaves_no_output(tmp_path):
