@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,12 @@ REGISTRIES = {"dvr_cli.files.formats"}
 NAMES = {name_of(path): path for path in MODULES}
 
 
+@cache
+def parsed(path):
+    """The syntax tree of a module."""
+    return ast.parse((ROOT / path).read_text(encoding="utf-8"))
+
+
 def at_once(module):
     """The statements that run when a module is imported, but for those in blocks."""
     return module.body
@@ -68,7 +75,7 @@ def statements(node):
 def imports(path, nodes=ast.walk):
     """The dotted names that a module imports from the package, anywhere among ``nodes``."""
     found = set()
-    for node in nodes(ast.parse((ROOT / path).read_text(encoding="utf-8"))):
+    for node in nodes(parsed(path)):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -82,37 +89,38 @@ def module_of(name):
     return name if name in NAMES else name.rpartition(".")[0]
 
 
-@pytest.mark.parametrize("path", MODULES, ids=str)
-def test_modules_import_only_from_below(path):
-    name = name_of(path)
-    layer = layer_of(name)
-    if layer == PACKAGE:
-        assert name == PACKAGE, f"{name} belongs to no layer"
-        allowed = {PACKAGE, "gmsh", "api"}
-    else:
-        allowed = {PACKAGE, *LAYERS[LAYERS.index(layer) :]}
-    assert {one for one in imports(path) if layer_of(one) not in allowed} == set()
+def test_modules_import_only_from_below():
+    wrong = {}
+    for name, path in NAMES.items():
+        layer = layer_of(name)
+        if layer == PACKAGE:
+            assert name == PACKAGE, f"{name} belongs to no layer"
+            allowed = {PACKAGE, "gmsh", "api"}
+        else:
+            allowed = {PACKAGE, *LAYERS[LAYERS.index(layer) :]}
+        wrong[name] = {one for one in imports(path) if layer_of(one) not in allowed}
+    assert {name: found for name, found in wrong.items() if found} == {}
 
 
 MOST_ARGUMENTS = 8
 
 
-@pytest.mark.parametrize("path", MODULES, ids=str)
-def test_functions_take_few_arguments(path):
+def test_functions_take_few_arguments():
     functions = (
-        node
-        for node in ast.walk(ast.parse((ROOT / path).read_text(encoding="utf-8")))
+        (name, node)
+        for name, path in NAMES.items()
+        for node in ast.walk(parsed(path))
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     )
     taken = {
-        one.name: [
+        (name, one.name, one.lineno): [
             arg.arg
             for arg in (*one.args.posonlyargs, *one.args.args, *one.args.kwonlyargs)
             if arg.arg not in ("self", "cls")
         ]
-        for one in functions
+        for name, one in functions
     }
-    long = {name: len(arguments) for name, arguments in taken.items() if len(arguments) > MOST_ARGUMENTS}
+    long = {where: len(arguments) for where, arguments in taken.items() if len(arguments) > MOST_ARGUMENTS}
     assert long == {}
 
 
@@ -137,12 +145,15 @@ def test_compiled_modules_stand_beside_their_twins():
         assert path.with_name(path.name.replace("_numba", "")) in MODULES
 
 
-@pytest.mark.parametrize("path", MODULES, ids=str)
-def test_only_compiled_modules_import_the_compiler_at_once(path):
+def test_only_compiled_modules_import_the_compiler_at_once():
     """All others leave that to the functions that have decided to compile."""
-    loaded = {module_of(one) for one in imports(path, at_once)}
-    compiles = any(name == "dvr_cli.jit" or name.endswith("_numba") for name in loaded)
-    assert not compiles or path.stem.endswith("_numba") or path.stem == "numba_engine"
+    compiling = {
+        path
+        for path in MODULES
+        for one in imports(path, at_once)
+        if module_of(one) == "dvr_cli.jit" or module_of(one).endswith("_numba")
+    }
+    assert {path for path in compiling if not path.stem.endswith(("_numba", "numba_engine"))} == set()
 
 
 def test_compiled_modules_import_from_folders_of_compiled_modules():
