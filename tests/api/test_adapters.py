@@ -14,11 +14,14 @@ from dvr_cli.mesh.mesh import Cells, Mesh
 from meshes import random_mesh
 from needs import require
 
-pyvista = require("pyvista")
-skfem = require("skfem")
-trimesh = require("trimesh")
-
 VTK_NUMBER = {"triangle": 5, "quad": 9, "tetra": 10, "hexahedron": 12, "wedge": 13, "pyramid": 14}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def libraries():
+    """They take seconds to import, so only a worker that runs these tests does."""
+    global pyvista, skfem, trimesh
+    pyvista, skfem, trimesh = (require(name) for name in ("pyvista", "skfem", "trimesh"))
 
 
 def grid_of(mesh):

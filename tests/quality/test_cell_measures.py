@@ -21,7 +21,8 @@ from dvr_cli.quality.cell_measures import (
 from meshes import KINDS, random_mesh
 from needs import require
 
-vtk = require("vtk")
+verdict = require("vtkmodules.vtkFiltersVerdict").vtkMeshQuality
+data_model = require("vtkmodules.vtkCommonDataModel")
 
 VTK_NUMBER = {"triangle": 5, "quad": 9, "tetra": 10, "hexahedron": 12, "wedge": 13, "pyramid": 14}
 # the names of VTK's static functions; what is not among them VTK does not define
@@ -44,7 +45,7 @@ DEFINED = [
     (kind, name)
     for kind in VTK_NUMBER
     for name in VTK_NAME
-    if hasattr(vtk.vtkMeshQuality, VTK_KIND[kind] + VTK_NAME[name])
+    if hasattr(verdict, VTK_KIND[kind] + VTK_NAME[name])
 ]
 
 
@@ -58,10 +59,10 @@ def shaken(kind, noise, n=200):
 
 def by_vtk(kind, name, cells):
     """VTK's measure of each of the cells (n, k, 3)."""
-    function = getattr(vtk.vtkMeshQuality, VTK_KIND[kind] + VTK_NAME[name])
+    function = getattr(verdict, VTK_KIND[kind] + VTK_NAME[name])
     values = []
     for cell in cells:
-        made = vtk.vtkGenericCell()
+        made = data_model.vtkGenericCell()
         made.SetCellType(VTK_NUMBER[kind])
         made.GetPointIds().SetNumberOfIds(len(cell))
         made.GetPoints().SetNumberOfPoints(len(cell))
