@@ -42,12 +42,14 @@ def vector_of(engine: Engine, domain) -> np.ndarray:
 
 def nearest(triangles: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The distance of each query to the nearest of all triangles, and that triangle, by trimesh."""
-    distance, which = np.empty(len(queries)), np.empty(len(queries), dtype=np.int64)
-    for i, query in enumerate(queries):
-        feet = trimesh.triangles.closest_point(triangles, np.tile(query, (len(triangles), 1)))
-        away = np.linalg.norm(feet - query, axis=1)
-        which[i], distance[i] = away.argmin(), away.min()
-    return distance, which
+    distance, which = [], []
+    for some in np.array_split(queries, 1 + len(queries) * len(triangles) // 100_000):
+        each = np.repeat(some, len(triangles), axis=0)
+        feet = trimesh.triangles.closest_point(np.tile(triangles, (len(some), 1, 1)), each)
+        away = np.linalg.norm(feet - each, axis=1).reshape(len(some), -1)
+        which.append(away.argmin(axis=1))
+        distance.append(away.min(axis=1))
+    return np.concatenate(distance), np.concatenate(which)
 
 
 def steps(engine: Engine, domain, kind: str):
@@ -60,10 +62,10 @@ def steps(engine: Engine, domain, kind: str):
 
 
 SURFACES = {
-    "wavy": lambda: wavy(5, 0),
-    "with a crease": lambda: wavy(5, 0, crease=True),
-    "with a slit": lambda: wavy(5, 0, slit=True),
-    "three sheets": lambda: wavy(4, 0, fin=True),
+    "wavy": lambda: wavy(4, 0),
+    "with a crease": lambda: wavy(4, 0, crease=True),
+    "with a slit": lambda: wavy(4, 0, slit=True),
+    "three sheets": lambda: wavy(3, 0, fin=True),
 }
 
 
@@ -192,7 +194,7 @@ def _roof(rng):
     return engine, mesh, 12, rolled
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from(["plain", "crease", "slit", "fin", "degenerate"]))
 def test_nothing_breaks_whatever_the_surface(seed, kind):
     """Features, borders, slits, three sheets at an edge, facets of no area: never worse, no NaN."""
