@@ -8,15 +8,16 @@ from importlib import import_module
 from importlib.util import find_spec
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 # the oracle solves many tiny eigenvalue problems, in which BLAS threads only wait for one another
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-# an example may take long where others use the cores, too; CI takes the same examples every time
-settings.register_profile("here", deadline=None)
-settings.register_profile("ci", deadline=None, derandomize=True, database=None, print_blob=True)
+# an example, or to draw one, may take long where others use the cores, too; CI takes the same ones every time
+LOADED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("here", **LOADED)
+settings.register_profile("ci", **LOADED, derandomize=True, database=None, print_blob=True)
 settings.load_profile("ci" if os.environ.get("CI") == "true" else "here")
 
 

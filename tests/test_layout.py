@@ -167,7 +167,7 @@ def loaded_by(statement):
     """The modules in sys.modules of a fresh interpreter after a statement."""
     program = f"{statement}\nimport sys\nprint(*sys.modules)"
     return subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=600
     ).stdout.split()
 
 

@@ -26,6 +26,7 @@ from meshes import random_mesh
 from needs import require, require_program
 
 ROOT = Path(__file__).parents[2]
+PATIENCE = 120_000  # milliseconds; other tests may take the cores
 VIEWER = ROOT / "dvr_cli" / "report" / "viewer"
 
 
@@ -50,7 +51,7 @@ def browser() -> Iterator[Any]:
     playwright = require("playwright.sync_api")
     path = require_program("chromium", "chromium-browser", "google-chrome")
     with playwright.sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        started = driver.chromium.launch(executable_path=path, args=["--no-sandbox"], timeout=PATIENCE)
         yield started
         started.close()
 
@@ -59,7 +60,7 @@ def browser() -> Iterator[Any]:
 def opened(browser, tmp_path) -> Iterator[Any]:
     """Open a page that a command wrote: nothing but its file is asked for, and nothing goes wrong in it."""
     context = browser.new_context(viewport={"width": 1000, "height": 1200}, offline=True)
-    context.set_default_timeout(120_000)  # milliseconds; other tests may take the cores
+    context.set_default_timeout(PATIENCE)
     asked, wrong = [], []
 
     def open_page(path: Path) -> Any:
@@ -132,6 +133,7 @@ def test_a_planar_mesh_in_a_browser(report, opened):
 
     box = page.locator(".frame").nth(1).bounding_box()
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + 0.25 * box["height"])
+    wait_until_drawn(page)
     said = page.locator(".said").text_content()
     assert said.startswith("triangle 2, mean ratio: before ")
     assert said.endswith(f", after {BEST:.4g}")
@@ -210,7 +212,7 @@ def test_a_volume_mesh_is_cut_and_its_worst_elements_are_gone_to(boxes, opened):
     def assert_shown(*masks):
         for i, mask in enumerate(masks):
             text = f"{int(mask.sum())} of 27 elements shown"
-            expect(page.locator(".shown").nth(i)).to_have_text(text)
+            expect(page.locator(".shown").nth(i)).to_have_text(text, timeout=PATIENCE)
 
     everything = np.ones(27, dtype=bool)
     assert_shown(everything, everything)
@@ -237,8 +239,8 @@ def test_a_volume_mesh_is_cut_and_its_worst_elements_are_gone_to(boxes, opened):
         order = np.argsort(each, kind="stable")[:10]
         assert [int(button.get_attribute("data-cell")) for button in listed.all()] == order.tolist()
         listed.nth(3).click()
-        assert page.locator(".said").text_content().startswith(f"hexahedron {order[3]}, ")
         wait_until_drawn(page)
+        assert page.locator(".said").text_content().startswith(f"hexahedron {order[3]}, ")
         pane, ring = (page.locator(kind).nth(i).bounding_box() for kind in (".frame", ".ring"))
         for place, extent in (("x", "width"), ("y", "height")):
             assert ring[place] + ring[extent] / 2 == pytest.approx(pane[place] + pane[extent] / 2, abs=2.0)
@@ -258,6 +260,7 @@ def test_a_surface_in_a_browser(dvr, tmp_path, opened):
     told = f"{float(f'{quality[0]:.4g}'):g}"
     box = page.locator(".frame").bounding_box()
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2 + 20)
+    wait_until_drawn(page)
     assert page.locator(".said").text_content() == f"quad 0, mean ratio: tent.vtk {told}"
     page.locator("[name=cut]").fill("0")
     page.wait_for_function("document.querySelector('.shown').textContent === '0 of 2 elements shown'")

@@ -130,7 +130,7 @@ def test_no_picture_code_unless_asked_for(tmp_path):
 
     def imported(*lines):
         run = subprocess.run(
-            [sys.executable, "-c", program, *lines], capture_output=True, text=True, check=True, timeout=120
+            [sys.executable, "-c", program, *lines], capture_output=True, text=True, check=True, timeout=600
         )
         return set(run.stdout.splitlines()[-1].split())
 

@@ -30,7 +30,7 @@ posix = pytest.mark.skipif(sys.platform == "win32", reason="signals and terminal
 
 def run(*arguments: object, **options: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [DVR, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=60, **options
+        [DVR, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=600, **options
     )
 
 
@@ -58,7 +58,7 @@ def test_a_pipe_carries_the_mesh_and_nothing_else(dvr, tmp_path):
         input=source.read_bytes(),
         capture_output=True,
         check=False,
-        timeout=60,
+        timeout=600,
         cwd=tmp_path,
     )
     assert piped.returncode == 0
@@ -69,7 +69,7 @@ def test_a_pipe_carries_the_mesh_and_nothing_else(dvr, tmp_path):
 
 def test_the_module_is_the_command(tmp_path):
     module = subprocess.run(
-        [sys.executable, "-m", "dvr_cli", "smooth"], capture_output=True, text=True, check=False, timeout=60
+        [sys.executable, "-m", "dvr_cli", "smooth"], capture_output=True, text=True, check=False, timeout=600
     )
     command = run("smooth")
     assert (module.returncode, module.stderr) == (command.returncode, command.stderr)
@@ -86,7 +86,7 @@ def on_a_terminal(stream: str, *arguments: object, **variables: str) -> str:
             while part := os.read(ours, 4096):
                 text += part
         os.close(ours)
-        assert process.wait(60) == 0
+        assert process.wait(600) == 0
     return text.decode().replace("\r\n", "\n")
 
 
@@ -168,7 +168,7 @@ def test_a_signal_has_the_mesh_reached_written(dvr, tmp_path, cube, sent):
     try:
         assert process.stderr.readline().startswith("sweep   1 ")
         process.send_signal(sent)
-        out, err = process.communicate(timeout=60)
+        out, err = process.communicate(timeout=600)
     finally:
         process.kill()
     assert (process.returncode, out) == (130, "")
@@ -227,7 +227,7 @@ def test_a_reader_that_goes_away(tmp_path, cube):
         stdout=writing,
         stderr=subprocess.PIPE,
         check=False,
-        timeout=60,
+        timeout=600,
     )
     os.close(writing)
     assert (process.returncode, process.stderr) == (4, b"")
@@ -239,7 +239,11 @@ def test_a_listener_that_goes_away_does_not_stop_the_work(tmp_path):
     reading, writing = os.pipe()
     os.close(reading)
     process = subprocess.run(
-        [DVR, "smooth", source, output, "-v"], stdout=subprocess.PIPE, stderr=writing, check=False, timeout=60
+        [DVR, "smooth", source, output, "-v"],
+        stdout=subprocess.PIPE,
+        stderr=writing,
+        check=False,
+        timeout=600,
     )
     os.close(writing)
     assert (process.returncode, process.stdout) == (0, b"")
@@ -258,7 +262,7 @@ def test_standard_output_that_cannot_be_written(tmp_path, arguments):
             stderr=subprocess.PIPE,
             text=True,
             check=False,
-            timeout=60,
+            timeout=600,
         )
     assert process.returncode == 4
     assert process.stderr.startswith("dvr: error: standard output: ")

@@ -35,7 +35,7 @@ Physical Surface("walls", 3) = {1, 2};
 def run(*command: object, data: bytes | None = None, **options: object) -> subprocess.CompletedProcess[bytes]:
     """Run a process with ``data`` piped in."""
     return subprocess.run(
-        [str(word) for word in command], input=data, capture_output=True, check=False, timeout=60, **options
+        [str(word) for word in command], input=data, capture_output=True, check=False, timeout=600, **options
     )
 
 
@@ -68,7 +68,7 @@ def pipeline(*commands: list[object]) -> list[subprocess.CompletedProcess[bytes]
             processes[-2].stdout = None
     results = []
     for process in reversed(processes):
-        out, err = process.communicate(timeout=60)
+        out, err = process.communicate(timeout=600)
         results.insert(0, subprocess.CompletedProcess(process.args, process.returncode, out, err))
     return results
 
@@ -222,10 +222,10 @@ def test_a_pipe_that_has_a_name(tmp_path, piped, name):
     os.mkfifo(pipe)
     with subprocess.Popen([DVR, "smooth", str(pipe), "-", "-q"], stdout=subprocess.PIPE) as process:
         pipe.write_bytes(data)
-        assert process.communicate(timeout=60)[0] == expected
+        assert process.communicate(timeout=600)[0] == expected
     with subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE) as reader:
         assert run(DVR, "smooth", tmp_path / "mesh", pipe, "--input-format", format_of(name)).returncode == 0
-        assert reader.communicate(timeout=60)[0] == expected
+        assert reader.communicate(timeout=600)[0] == expected
     assert {path.name for path in tmp_path.iterdir()} == {"mesh", "pipe"}
 
 
@@ -235,7 +235,7 @@ def test_standard_output_by_name_that_is_a_file(tmp_path, piped):
     data = fan(tmp_path / "mesh", "gmsh22")
     with (tmp_path / "out.msh").open("wb") as file:
         command = [DVR, "smooth", str(tmp_path / "mesh"), "/dev/stdout", "-q", "--input-format", "gmsh"]
-        assert subprocess.run(command, stdout=file, check=False, timeout=60).returncode == 0
+        assert subprocess.run(command, stdout=file, check=False, timeout=600).returncode == 0
     assert (tmp_path / "out.msh").read_bytes() == piped(data, "smooth", "-", "-")[1]
     assert not Path("/dev/stdout.quality.json").exists()
 
@@ -293,7 +293,7 @@ def test_a_mesh_is_not_typed_in_or_shown_on_a_terminal(tmp_path):
     ours, theirs = os.openpty()
     try:
         typed = subprocess.run(
-            [DVR, "smooth", "-", "-"], stdin=theirs, capture_output=True, check=False, timeout=60
+            [DVR, "smooth", "-", "-"], stdin=theirs, capture_output=True, check=False, timeout=600
         )
         shown = subprocess.run(
             [DVR, "smooth", "-", "-"],
@@ -301,7 +301,7 @@ def test_a_mesh_is_not_typed_in_or_shown_on_a_terminal(tmp_path):
             stdout=theirs,
             stderr=subprocess.PIPE,
             check=False,
-            timeout=60,
+            timeout=600,
         )
     finally:
         os.close(ours)

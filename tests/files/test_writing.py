@@ -98,7 +98,7 @@ def test_a_full_disk(tmp_path, monkeypatch):
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     run = [sys.executable, "-c", LIMITED]
     process = subprocess.run(
-        run, input="\n".join(lines), capture_output=True, text=True, check=False, timeout=60
+        run, input="\n".join(lines), capture_output=True, text=True, check=False, timeout=600
     )
     assert (process.returncode, process.stdout) == (0, f"{[4] * 6}\n")
     errors = process.stderr.splitlines()

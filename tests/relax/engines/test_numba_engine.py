@@ -261,7 +261,7 @@ def in_a_process(kinds, **environment):
         capture_output=True,
         text=True,
         check=False,
-        timeout=300,
+        timeout=600,
     )
     assert run.returncode == 0, run.stderr
     return run.stdout.split()
@@ -334,7 +334,7 @@ print(sum(group.stats.cache_misses.values()))
     command = [sys.executable, "-c", program]
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     running = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE) for _ in range(3)]
-    assert sorted(process.communicate(timeout=120)[0] for process in running) == [b"0\n", b"0\n", b"1\n"]
+    assert sorted(process.communicate(timeout=600)[0] for process in running) == [b"0\n", b"0\n", b"1\n"]
 
 
 @pytest.mark.parametrize(
