@@ -20,6 +20,18 @@ settings.register_profile("here", **LOADED)
 settings.register_profile("ci", **LOADED, derandomize=True, database=None, print_blob=True)
 settings.load_profile("ci" if os.environ.get("CI") == "true" else "here")
 
+# what takes long and calls no compiled function
+WITHOUT_KERNELS = ("tests/distributed/", "tests/relax/surface/")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """While the first of two workers compiles, the second, which begins in the middle, has not to wait."""
+    early = [item for item in items if item.nodeid.startswith(WITHOUT_KERNELS)]
+    others = [item for item in items if not item.nodeid.startswith(WITHOUT_KERNELS)]
+    middle = len(items) // 2
+    items[:] = [*others[:middle], *early, *others[middle:]]
+
 
 @pytest.fixture(scope="session", autouse=True)
 def _compiling_in_turn(worker_id: str) -> None:
