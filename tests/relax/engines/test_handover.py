@@ -48,7 +48,7 @@ def smoothed(mesh, monkeypatch, asked, on_sweep=None, **options):
 
 @pytest.mark.parametrize("kind", ["tetra", "triangle", "hexahedron"])
 def test_it_does_not_matter_when_the_compiled_engine_takes_over(kind, monkeypatch):
-    mesh, many, places = random_mesh(kind, 5), 10**6, {}
+    mesh, many, places = random_mesh(kind, 5, n=4), 10**6, {}
     expected, alone = smooth_mesh(mesh, settings(engine="numpy"))
     assert not np.array_equal(expected, mesh.points)
 
