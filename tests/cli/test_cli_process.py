@@ -189,7 +189,7 @@ def test_the_second_ctrl_c_leaves_at_once(dvr, tmp_path, monkeypatch):
         signal.raise_signal(signal.SIGINT)
         raise AssertionError("still here")
 
-    monkeypatch.setattr("dvr_cli.api.smooth_mesh", relax_while_the_user_is_impatient)
+    monkeypatch.setattr("dvr_cli.api.smoothing.smooth_mesh", relax_while_the_user_is_impatient)
     source = fan(tmp_path / "in.msh")
     before = listing(tmp_path)
     result = dvr("smooth", source, tmp_path / "out.msh")
@@ -273,7 +273,7 @@ def test_a_defect_is_one_line_too(dvr, tmp_path, monkeypatch):
     def fail(*_: object) -> None:
         raise ZeroDivisionError("a defect")
 
-    monkeypatch.setattr("dvr_cli.api.mesh_quality", fail)
+    monkeypatch.setattr("dvr_cli.api.measuring.mesh_quality", fail)
     path = fan(tmp_path / "in.msh")
     result = dvr("report", "quality", path)
     assert result.code == 1
