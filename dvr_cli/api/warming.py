@@ -14,11 +14,14 @@ import numpy as np
 
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.smoothing import smooth_mesh
+from dvr_cli.backend import COMPILED
 from dvr_cli.errors import UsageError
+from dvr_cli.mesh.corners import Simplices
 from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.mesh.rings import incidence_of
 from dvr_cli.relax.engines.choice import KINDS, EngineKind
 from dvr_cli.relax.engines.engine import Engine
-from dvr_cli.relax.problem import Problem
+from dvr_cli.relax.problem import Problem, touched_corners
 from dvr_cli.relax.stopping import Stopping
 
 _NICE = 10  # the priority of a process that compiles for another
@@ -49,6 +52,8 @@ def warm_up(say: Callable[[str], None]) -> str:
         say(sort)
         mesh, more = made()
         smooth_mesh(mesh, replace(options, **more))
+    say("meshes that ranks share")
+    _colour(_cube("tetra"))
     return folder
 
 
@@ -81,6 +86,32 @@ def _end_with_stdin() -> None:
     while os.read(sys.stdin.fileno(), 1):
         pass
     os._exit(0)
+
+
+class _Alone:
+    """The communicator of a rank without others."""
+
+    def alltoall(self, given: list[Any]) -> list[Any]:
+        """What each rank has given to this one."""
+        return given
+
+    def allgather(self, given: Any) -> list[Any]:
+        """What each rank has given to all."""
+        return [given]
+
+
+def _colour(mesh: Mesh) -> None:
+    """Colour the inner vertices of a mesh as ranks do that share it."""
+    from dvr_cli.distributed.colouring import colours, turns
+
+    domain = _OPTIONS.domain(mesh, COMPILED)
+    corners, number = domain.corners, np.arange(len(mesh.points), dtype=np.int32)
+    touch = COMPILED.twin(touched_corners)
+    vertices, shapes, _ = touch(corners.vertices, corners.shapes, domain.interior, number)
+    touched = Simplices(vertices, shapes, corners.table)
+    own, turn = np.flatnonzero(domain.interior), turns(np.where(domain.interior, number, -1).astype(np.int64))
+    incidence, ghosts = incidence_of(touched, own, len(number), COMPILED), ([own[:0]], [own[:0]])
+    colours(_Alone(), own, incidence, turn, ghosts, touched.vertices, COMPILED)
 
 
 def _folder() -> str:
