@@ -92,11 +92,11 @@ class _Alone:
     """The communicator of a rank without others."""
 
     def alltoall(self, given: list[Any]) -> list[Any]:
-        """What each rank has given to this one."""
+        """The things given to this rank, one of each."""
         return given
 
     def allgather(self, given: Any) -> list[Any]:
-        """What each rank has given to all."""
+        """The things given to all ranks, one of each."""
         return [given]
 
 
