@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dvr_cli.cli.codes import DONE, GATE_FAILED, INTERRUPTED
 from dvr_cli.cli.files import PICTURES, check, write_picture
-from dvr_cli.cli.gates import failures, gates_of
+from dvr_cli.cli.gates import Gate, failures, gates_of
 from dvr_cli.cli.interrupt import Interrupt
 from dvr_cli.cli.options import naming
 from dvr_cli.cli.progress import Known, Progress
@@ -44,8 +44,6 @@ def run(
     it can; gets the paths of mesh, output and report, on_sweep and interrupted.
     """
     from dvr_cli.files import writing
-    from dvr_cli.files.reading import open_mesh
-    from dvr_cli.quality.measure import cell_field
     from dvr_cli.relax.engines.choice import has_numba, is_compiling
 
     report, no_report, plot = given["report"], given["no_report"], given["plot"]
@@ -68,53 +66,19 @@ def run(
     if plot is not None:
         check("--plot", plot, PICTURES, [source, output, report])
 
-    notes: list[str] = []
-    failed: list[str] = []
-    interrupt = Interrupt()
+    paths, interrupt = (source, output, report), Interrupt()
     fixed = given["max_iterations"] if given.get("preset") is not None else None  # presets fix the sweeps
     known = Known(given.get("time_limit"), fixed, lambda: interrupt.requested, is_compiling)
+    failed: list[str] = []
+    notes: list[str] = []
     with Progress(quiet, verbose, known) as progress:
         progress.show(f"reading {source}")
         with interrupt:
-            asked = progress.sweep, lambda: interrupt.requested
-            result = apart((source, output, report), *asked)
-        if result is not None and report is not None:
-            _write_report(report, result, source, output)
+            result = apart(paths, progress.sweep, lambda: interrupt.requested)
         if result is None:
-            opened = open_mesh(source, given["input_format"], given["mesh"])
-            destination = writing.Output(
-                opened, output, output_format, (measure or "quality") if quality_field else None
-            )
-            progress.show("preparing")
-            with interrupt:
-                with naming(source), naming(output, OutputError):
-                    points, result = work(
-                        opened.mesh,
-                        storage=destination,
-                        on_sweep=progress.sweep,
-                        interrupted=lambda: interrupt.requested,
-                    )
-                    failed = failures(gates, opened.mesh, points, result.after)
-                    if quality_field and measure is not None:
-                        from dvr_cli.quality.cell_measures import measure_field
-
-                        destination.fill(measure_field(opened.mesh, measure, points), points)
-                    elif quality_field:
-                        destination.fill(cell_field(opened.mesh, result.after.elements), points)
-                progress.show(f"writing {output}")
-                with onto_stdout():  # what a file cannot take is an OutputError already
-                    destination.write(points)
-                notes = destination.notes
-                if report is not None and not page:
-                    _write_report(report, result, source, output)
-                for picture in filter(None, [plot, report if page else None]):
-                    progress.show(f"drawing {picture}")
-                    from dvr_cli.report.text.summary import smooth_text
-
-                    summary = smooth_text(result, str(source), str(output))
-                    states = {"before": (opened.mesh.points, result.before), "after": (points, result.after)}
-                    more = result.sweeps, result.kept, measure
-                    write_picture(picture, opened.mesh, states, str(output), summary, *more)
+            result, failed, notes = _run_here(paths, work, given, gates, progress, interrupt)
+        elif report is not None:
+            _write_report(report, result, source, output)
     if not quiet:
         from dvr_cli.report.text.summary import smooth_text
 
@@ -133,6 +97,60 @@ def run(
     for text in failed:
         say(f"dvr: {text}")
     return GATE_FAILED if failed else DONE
+
+
+def _run_here(
+    paths: tuple[Path, Path, Path | None],
+    work: Callable[..., tuple[np.ndarray, SmoothReport]],
+    given: Mapping[str, Any],
+    gates: Sequence[Gate],
+    progress: Progress,
+    interrupt: Interrupt,
+) -> tuple[SmoothReport, list[str], list[str]]:
+    """Read, move, write and draw in this process: the report, the gates that failed, and notes on the output.
+
+    paths: of mesh, output and report. work, given: see ``run``.
+    """
+    from dvr_cli.files import writing
+    from dvr_cli.files.reading import open_mesh
+    from dvr_cli.quality.measure import cell_field
+
+    source, output, report = paths
+    measure, field = given["measure"], given["quality_field"]
+    opened = open_mesh(source, given["input_format"], given["mesh"])
+    name = (measure or "quality") if field else None
+    destination = writing.Output(opened, output, given["output_format"], name)
+    progress.show("preparing")
+    with interrupt:
+        with naming(source), naming(output, OutputError):
+            points, result = work(
+                opened.mesh,
+                storage=destination,
+                on_sweep=progress.sweep,
+                interrupted=lambda: interrupt.requested,
+            )
+            failed = failures(gates, opened.mesh, points, result.after)
+            if field and measure is not None:
+                from dvr_cli.quality.cell_measures import measure_field
+
+                destination.fill(measure_field(opened.mesh, measure, points), points)
+            elif field:
+                destination.fill(cell_field(opened.mesh, result.after.elements), points)
+        progress.show(f"writing {output}")
+        with onto_stdout():  # what a file cannot take is an OutputError already
+            destination.write(points)
+        page = is_page(report)
+        if report is not None and not page:
+            _write_report(report, result, source, output)
+        for picture in filter(None, [given["plot"], report if page else None]):
+            progress.show(f"drawing {picture}")
+            from dvr_cli.report.text.summary import smooth_text
+
+            summary = smooth_text(result, str(source), str(output))
+            states = {"before": (opened.mesh.points, result.before), "after": (points, result.after)}
+            more = result.sweeps, result.kept, measure
+            write_picture(picture, opened.mesh, states, str(output), summary, *more)
+    return result, failed, destination.notes
 
 
 def _write_report(path: Path, result: SmoothReport, source: Path, output: Path) -> None:

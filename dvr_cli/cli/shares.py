@@ -49,7 +49,6 @@ def smooth_in_shares(
     kind = choose_engine(options.engine, ranges.points.count, sweeps, options.takes_patches)
     task = Task(source, ranges, output, options, kind.name, report is not None)
     result = together(comm, smooth_shares, (task,), Hooks(on_sweep, interrupted))
-
     if isinstance(result, DvrError):
         raise result
     return result

@@ -39,17 +39,9 @@ class ShareEngine(Engine):
         """True if there is a vertex to relax on any rank."""
         return self._relaxes
 
-    def load(self, points: np.ndarray) -> None:
-        """Start from the coordinates (n, d) of the rank's mesh."""
-        self._set(np.asarray(points, dtype=np.float64)[self._share.place])
-
     @property
-    def points(self) -> np.ndarray:
-        """(n, d) copy of the coordinates of the rank's mesh."""
-        reached = self._get()
-        points = np.empty_like(reached)
-        points[self._share.place] = reached
-        return points
+    def _place(self) -> np.ndarray:
+        return self._share.place
 
     def q1(self) -> float:
         """Q1 of the whole, infinite if nothing is relaxed."""

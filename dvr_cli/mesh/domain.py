@@ -228,15 +228,17 @@ def _check_types(cells: list[Cells], dimension: int) -> None:
 
 def check_coordinates(points: np.ndarray) -> None:
     """Raise InputError unless all coordinates are finite and small enough to compute with."""
+    if is_computable(points):
+        return
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
         raise InputError(f"the coordinates of vertex {bad[0]} (counted from 0) are not finite")
-    if float(np.abs(points).max(initial=0.0)) > _LARGEST:  # as 32 bits the limit itself would overflow
-        raise InputError(f"coordinates beyond {_LARGEST:g} cannot be computed with; choose another unit")
+    raise InputError(f"coordinates beyond {_LARGEST:g} cannot be computed with; choose another unit")
 
 
 def is_computable(points: np.ndarray) -> bool:
     """True if all coordinates are finite and small enough to compute with."""
+    # as 32 bits the limit itself would overflow
     return bool(np.isfinite(points).all()) and float(np.abs(points).max(initial=0.0)) <= _LARGEST
 
 

@@ -1,9 +1,8 @@
 """Jobs of several ranks: the bytes, report and messages of a run in one process, and how they end."""
 
+import contextlib
 import json
-import os
 import re
-from pathlib import Path
 
 import meshio
 import numpy as np
@@ -69,13 +68,22 @@ def write(folder, name):
     return path
 
 
-def commands_of(folder, runs, *more):
-    """A command each, of which the meshes are in a folder, and the outputs in whatever folder it runs in."""
+def commands_of(folder, runs, *more, write=write):
+    """A command each, of which the meshes are in a folder, and the outputs in whatever folder it runs in.
+
+    write: makes the file of a mesh by folder and name.
+    """
     engine = ["--engine", "numpy", "--quiet", *more]
     return [
         ["smooth", str(write(folder, name)), f"{i}.vtk", *options.split(), *engine]
         for i, (name, options) in enumerate(runs)
     ]
+
+
+def in_one_process(folder, commands):
+    """The exit codes of commands that run in a folder."""
+    with contextlib.chdir(folder):
+        return [main(command) for command in commands]
 
 
 def without_times(report):
@@ -86,12 +94,7 @@ def without_times(report):
 def serial(tmp_path_factory):
     """The folder of the outputs of all runs in one process, and their exit codes."""
     folder = tmp_path_factory.mktemp("serial")
-    before = Path.cwd()
-    os.chdir(folder)
-    try:
-        return folder, [main(command) for command in commands_of(folder, RUNS)]
-    finally:
-        os.chdir(before)
+    return folder, in_one_process(folder, commands_of(folder, RUNS))
 
 
 @pytest.mark.parametrize("ranks", [3, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 2, 4, 8))])

@@ -1,13 +1,14 @@
 """Meshes that no rank has whole: the bytes and reports of one process, from byte ranges of the file."""
 
 import json
-import os
+from functools import partial
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
-from test_ranks import job, without_times
+from test_ranks import commands_of as commands_for
+from test_ranks import in_one_process, job, without_times
 
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.shares import takes
@@ -49,24 +50,14 @@ def write(folder, name):
     return path
 
 
-def commands_of(folder, runs, *more):
-    engine = ["--engine", "numpy", "--quiet", *more]
-    return [
-        ["smooth", str(write(folder, name)), f"{i}.vtk", *options.split(), *engine]
-        for i, (name, options) in enumerate(runs)
-    ]
+commands_of = partial(commands_for, write=write)
 
 
 @pytest.fixture(scope="module")
 def serial(tmp_path_factory):
     """The folder of the outputs of all runs in one process."""
     folder = tmp_path_factory.mktemp("serial")
-    before = Path.cwd()
-    os.chdir(folder)
-    try:
-        assert {main(command) for command in commands_of(folder, RUNS)} == {0}
-    finally:
-        os.chdir(before)
+    assert set(in_one_process(folder, commands_of(folder, RUNS))) == {0}
     return folder
 
 

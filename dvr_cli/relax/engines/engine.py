@@ -55,12 +55,17 @@ class Engine(ABC):
         """True if there is a vertex to relax."""
         return len(self.problem.rings.vertices) > 0
 
+    @property
+    def _place(self) -> np.ndarray:
+        """(N,) the row that each vertex of the problem has among coordinates that go in and come out."""
+        return self.problem.order
+
     def load(self, points: np.ndarray) -> None:
         """Start from the coordinates ``points`` (N, d); they are copied.
 
         Vertices that walk have to be where the input has them.
         """
-        self._set(np.asarray(points, dtype=np.float64)[self.problem.order])
+        self._set(np.asarray(points, dtype=np.float64)[self._place])
         if self.problem.carriers is not None:
             self._standing = self.problem.carriers.standing()
 
@@ -73,7 +78,7 @@ class Engine(ABC):
         """(N, d) copy of the coordinates reached."""
         reached = self._get()
         points = np.empty_like(reached)
-        points[self.problem.order] = reached
+        points[self._place] = reached
         return points
 
     @property
