@@ -12,11 +12,13 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import gmsh
 import numpy as np
+import trimesh
 
 from dvr_cli.mesh.mesh import Cells, Mesh
 
@@ -108,6 +110,30 @@ def shaken_hexes(k: int) -> Mesh:
     inside = ((points > 0) & (points < 1)).all(axis=1, keepdims=True)
     shake = np.random.default_rng(0).uniform(-0.2 / k, 0.2 / k, points.shape)
     return Mesh(points + inside * shake, [Cells("hexahedron", hexes)])
+
+
+@kept
+def noisy_ellipsoid(subdivisions: int, folded: int) -> Mesh:
+    """An icosphere scaled by 1, 1.3 and 0.7, its vertices shaken along the sphere before.
+
+    folded: 0 for vertices that are shaken by a quarter of the edge in random directions, and come out without
+    folds; 1 for normal noise of that deviation in each coordinate, which folds one triangle in a hundred.
+    """
+    sphere = trimesh.creation.icosphere(subdivisions)
+    shake = np.random.default_rng(0).normal(size=sphere.vertices.shape)
+    if not folded:
+        shake /= np.linalg.norm(shake, axis=1, keepdims=True)
+    points = sphere.vertices + 0.25 * sphere.edges_unique_length.mean() * shake
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    return Mesh(points * (1.0, 1.3, 0.7), [Cells("triangle", np.asarray(sphere.faces))])
+
+
+@kept
+def scanned_bunny() -> Mesh:
+    """The Stanford bunny, a mended scan, as the package pymeshfix has it; without that an ImportError."""
+    examples = import_module("pymeshfix.examples")
+    scan = trimesh.load_mesh(examples.bunny_scan, process=False)
+    return Mesh(np.array(scan.vertices, dtype=np.float64), [Cells("triangle", np.asarray(scan.faces))])
 
 
 @kept

@@ -17,6 +17,7 @@ SECTIONS = (
     "startup",
     "boundary",
     "altitudes",
+    "surfaces",
     "targets",
     "layers",
     "untangle",
