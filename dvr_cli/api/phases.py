@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from dvr_cli.relax.untangle.phase import Untangling
 
 _FLOOR = 0.999  # of Q1, where polishing has one floor for all and nobody gave another
+_KEPT = 0.015  # share of the elements whose qualities are kept when, in the end, the mean alone is raised
 _NEAR = 0.01  # of Q1, from there the level of care goes no lower for the sake of the mean
 
 
@@ -171,6 +172,10 @@ class Run:
         while True:
             outcome = polish(self._engine, floor, self._remaining(), len(self.sweeps), *hooks, aim=aim)
             sweeps += len(outcome.sweeps)
+            if aim.by_ring and not outcome.stopped_because.cuts_short:
+                self._take_over(outcome)
+                outcome = self._raise_mean(floor, outcome.stopped_because)
+                sweeps += len(outcome.sweeps)
             if not (aim.by_ring and self._costs_mean(outcome)):
                 break
             q1 = self._engine.q1()
@@ -184,6 +189,18 @@ class Run:
         self._take_over(outcome)
         self.phases.append(PolishPhase("polish", sweeps, ended, floor))
         self.stopped_because = reason
+
+    def _raise_mean(self, level: float, reason: StopReason) -> Relaxation:
+        """One more sweep of polishing, for the mean alone: what is not among the worst elements stays so.
+
+        level: of care. reason: for which polishing had ended, and ends, unless this is cut short.
+        """
+        floor = max(level, level_of(self._engine.qualities(), _KEPT, 0))
+        remaining, hooks = self._remaining(), (self._on_sweep, self._interrupted)
+        once = replace(remaining, max_iterations=min(1, remaining.max_iterations))
+        aim = Aim(relative=True, by_ring=True)
+        last = polish(self._engine, floor, once, len(self.sweeps), *hooks, aim=aim)
+        return last if last.stopped_because.cuts_short else replace(last, stopped_because=reason)
 
     def _costs_mean(self, outcome: Relaxation) -> bool:
         """True if a phase that came to its end leaves a lower mean than there was at the beginning."""

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 class LeadEngine(Engine):
     """Cuts a problem into parts, gives each rank its own, and has them do what it is asked to do."""
 
+    has_coordinates = False
+
     def __init__(self, comm: Any, kind: EngineKind, problem: Problem, threads: int | None) -> None:
         """comm: the communicator (mpi4py's), on whose other ranks ``ranks.follow`` runs.
 
@@ -85,7 +87,10 @@ class LeadEngine(Engine):
         values = np.empty(len(self.problem.touched.vertices))
         return self._into(values, [place.firsts for place in self._places], "give qualities")
 
-    def ring_qualities(self) -> np.ndarray:
+    def focused(self, active: np.ndarray) -> tuple[Engine, np.ndarray | None]:
+        return self, active
+
+    def ring_qualities(self, qualities: np.ndarray | None = None) -> np.ndarray:
         values = np.empty(len(self.problem.rings.vertices))
         return self._into(values, [place.rings for place in self._places], "give ring qualities")
 

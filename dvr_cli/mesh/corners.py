@@ -160,7 +160,9 @@ class Corners(Simplices):
 
     def by_cell(self, combine: np.ufunc, values: np.ndarray) -> np.ndarray:
         """The values (C, ...) of each cell's corners combined by np.minimum, say: (n_cells, ...)."""
-        return combine.reduceat(values, self.start[:-1]) if len(values) else values
+        if len(values) == len(self.start) - 1:  # simplices have one corner each
+            return values.copy()
+        return combine.reduceat(values, self.start[:-1])
 
     def cell_of(self, corner: int) -> int:
         """The cell that a corner belongs to."""

@@ -35,6 +35,11 @@ class Rings:
         """(m,) number of corners in each ring."""
         return np.diff(self.start)
 
+    def part(self, chosen: np.ndarray) -> Rings:
+        """The rings ``chosen`` (k,), one after the other."""
+        entries, start = row_entries(self.start, chosen)
+        return Rings(self.vertices[chosen], start, self.others[entries], self.shapes[entries])
+
 
 @dataclass(frozen=True, eq=False)
 class Incidence:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.ring_qualities import RingQualities
 from dvr_cli.relax.stopping import Stopping, StopReason
 
 WORST = 0.004  # share of the elements that are below the level of care: patches can be paid for so many,
@@ -33,8 +34,11 @@ class Care:
         """stopping: says which growth counts, and how many sweeps without it are borne."""
         self._engine, self.level, self._stopping = engine, level, stopping
         self._idle = np.zeros(len(engine.problem.rings.vertices), dtype=np.int64)
-        self._worst = engine.ring_qualities()
+        local = engine.has_coordinates and not engine.problem.is_surface
+        self._kept = RingQualities(engine) if local else None
+        self._worst = engine.ring_qualities() if self._kept is None else self._kept.values.copy()
         self.active = self._worst < level
+        self._places = self._of_active()
 
     @property
     def q1(self) -> float:
@@ -48,10 +52,24 @@ class Care:
 
     def update(self) -> None:
         """Look at the rings again after a sweep over those that are active."""
-        before, self._worst = self._worst, self._engine.ring_qualities()
+        before = self._worst
+        if self._kept is None:
+            self._worst = self._engine.ring_qualities()
+        else:
+            moved = (self._of_active() != self._places).any(axis=1)
+            self._kept.update(np.flatnonzero(self.active)[moved])
+            self._worst = self._kept.values.copy()
         grew = self._worst - before > self._stopping.tol
         self._idle = np.where(grew, 0, self._idle + self.active)
         self.active = (self._worst < self.level) & (self._idle < self._stopping.patience)
+        self._places = self._of_active()
+
+    def _of_active(self) -> np.ndarray:
+        """(k, d) where the vertices of the active rings are; nothing where only others know."""
+        engine = self._engine
+        if self._kept is None:
+            return np.empty((0, engine.problem.components))
+        return engine.coordinates[engine.problem.rings.vertices[self.active]]
 
     def reason(self, sweeps: int, seconds: float) -> StopReason | None:
         """The reason to stop now, or None, after so many sweeps and seconds."""

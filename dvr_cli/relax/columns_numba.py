@@ -54,6 +54,29 @@ def set_ring(
 
 
 @inlined
+def set_place(points: np.ndarray, vertex: int, n: int, scratch: np.ndarray) -> None:
+    """Put v0 and s0 of the vertex where it is now in the place of those of a ring that is laid out.
+
+    The others have not moved, and no edges are seen through L.
+    """
+    x0, x1 = points[vertex, 0], points[vertex, 1]
+    if points.shape[1] == 2:
+        for c in range(padded(n)):
+            e0, e1 = scratch[END, c] - x0, scratch[END + 1, c] - x1
+            f0, f1 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1
+            scratch[V0, c] = e0 * scratch[NORMAL, c] + e1 * scratch[NORMAL + 1, c]
+            scratch[S0, c] = _norm_2d(e0, e1, f0, f1, scratch, c)
+        return
+    x2 = points[vertex, 2]
+    for c in range(padded(n)):
+        e0, e1, e2 = scratch[END, c] - x0, scratch[END + 1, c] - x1, scratch[END + 2, c] - x2
+        f0, f1, f2 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1, scratch[END + 5, c] - x2
+        g0, g1, g2 = scratch[END + 6, c] - x0, scratch[END + 7, c] - x1, scratch[END + 8, c] - x2
+        scratch[V0, c] = e0 * scratch[NORMAL, c] + e1 * scratch[NORMAL + 1, c] + e2 * scratch[NORMAL + 2, c]
+        scratch[S0, c] = _norm_3d((e0, e1, e2), (f0, f1, f2), (g0, g1, g2), scratch, c)
+
+
+@inlined
 def _set_shape(scratch: np.ndarray, c: int, k: int, rings: RingArrays) -> None:
     """Put row k of the shape table into column c."""
     scratch[SHAPE, c] = k

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from dvr_cli.relax.engines.engine import State
 
 _PHASE = "descent"
-_DEAR = 0.03  # share of the elements that cost more
+_DEAR = 0.031  # share of the elements that cost more
 _NEAR = 1.1  # rings below so much of the quality at which that begins are visited
 _LOW_END = 0.01  # share of the elements whose growth counts
 # On surfaces. Measured: with 1.5 half as many sweeps as with 1, from 1.9 on the worst elements get worse.
@@ -68,7 +68,7 @@ def descend(
         outcome = _kept(engine, outcome, start, before)
         level = level_of(engine.qualities())
         return Descent(outcome, floor, level if level > 0.0 else None, None)
-    outcome = polish(engine, floor, stopping, 0, *hooks, work=Work(_PHASE))
+    outcome = polish(engine, floor, stopping, 0, *hooks, work=Work(_PHASE, foresees=True))
     dear = level_of(engine.qualities(), _DEAR)
     if not outcome.stopped_because.cuts_short and dear > 0.0:
         done, aim = len(outcome.sweeps), Aim(dear, relative=True)

@@ -17,6 +17,7 @@ from dvr_cli.relax.columns_numba import (
     V1,
     WEIGHT,
     RingArrays,
+    set_place,
     set_ring,
     solve_back,
 )
@@ -58,13 +59,16 @@ def polish_rings(
         _set_powers(scratch, n, d, 0.0)
         for c in range(n):
             scratch[WEIGHT, c] = weight(scratch[S0, c] * scratch[POWER, c], aim)
-        before = _price(scratch, n, d, aim)
+        before = _sum(scratch, n, aim)
         step = _clip(scratch, n, d, aim.stretch * _bottom(scratch, n, d, aim), floor)
         if step == 0.0:
             continue
         x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2] if d == 3 else 0.0
         _put(points, vertex, x0 + step * d0, x1 + step * d1, x2 + step * d2)
-        set_ring(points, vertex, 0.0, 0.0, 0.0, ring, rings, scratch)
+        if len(rings.factor):
+            set_ring(points, vertex, 0.0, 0.0, 0.0, ring, rings, scratch)
+        else:
+            set_place(points, vertex, n, scratch)
         largest = scratch[BADNESS, worst_corner(scratch, n, 0.0, d)]
         if _keeps(before, _price(scratch, n, d, aim), largest, floor, d):
             moved += 1
@@ -174,8 +178,14 @@ def rise(x: float, aim: Aim) -> float:
 
 @inlined
 def _price(lines: np.ndarray, n: int, d: int, aim: Aim) -> float:
-    """The price at λ = 0, with the weights in their row."""
+    """The price at λ = 0, with the weights in their row; puts the powers there in theirs."""
     _set_powers(lines, n, d, 0.0)
+    return _sum(lines, n, aim)
+
+
+@inlined
+def _sum(lines: np.ndarray, n: int, aim: Aim) -> float:
+    """The price at λ = 0, with the weights and the powers there in their rows."""
     total = 0.0
     for c in range(n):
         x = lines[S0, c] * lines[POWER, c]
@@ -185,6 +195,7 @@ def _price(lines: np.ndarray, n: int, d: int, aim: Aim) -> float:
 
 @inlined
 def _bottom(lines: np.ndarray, n: int, d: int, aim: Aim) -> float:
+    """See ``polish._bottom``; the powers at λ = 0 are in their row."""
     low, high = -np.inf, np.inf
     for c in range(n):
         barrier = -lines[V0, c] / lines[V1, c]
@@ -205,13 +216,14 @@ def _bottom(lines: np.ndarray, n: int, d: int, aim: Aim) -> float:
         at = newton if low < newton < high else 0.5 * (low + high)
         if not abs(at - before) > CLOSE * abs(at):
             break
+        _set_powers(lines, n, d, at)
     return at
 
 
 @inlined
 def _derivatives(lines: np.ndarray, n: int, d: int, at: float, aim: Aim) -> tuple[float, float]:
+    """See ``polish._derivatives``; the powers at λ are in their row."""
     q = 2.0 / d
-    _set_powers(lines, n, d, at)
     slope = curvature = 0.0
     for c in range(n):
         s, u, s2 = s_at(lines, c, at), lines[POWER, c], lines[S2, c]

@@ -76,6 +76,14 @@ class Problem:
         lo, hi = self.batch_start[batch : batch + 2].tolist()
         return lo, hi if self.walk_start is None else int(self.walk_start[batch]), hi
 
+    def of_rings(self, chosen: np.ndarray) -> Problem:
+        """The same with the rings ``chosen`` ((k,) ascending numbers) alone, none of whose vertices walks."""
+        freedom = self.freedom
+        if freedom is not None:
+            freedom = Freedom(freedom.dimension[chosen], freedom.axis[chosen])
+        batch_start = np.searchsorted(chosen, self.batch_start)
+        return replace(self, rings=self.rings.part(chosen), batch_start=batch_start, freedom=freedom)
+
     def keeping_within(self, limit: float) -> Problem:
         """The same, in which walks take the mesh no farther from the input than ``limit``."""
         if self.carriers is None:

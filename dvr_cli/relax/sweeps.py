@@ -85,11 +85,11 @@ def relax(
     while (reason := ended()) is None:
         sweep_start = time.perf_counter()
         moved = 0
-        active = None if care is None else care.active
-        directions = engine.directions(field, len(sweeps), active)
+        mover, active = (engine, None) if care is None else engine.focused(care.active)
+        directions = mover.directions(field, len(sweeps), active)
         for batch in range(engine.batches):
             engine.hand_over()
-            moved += engine.move_batch(batch, directions, active, enough)
+            moved += mover.move_batch(batch, directions, active, enough)
             if (cut := cut_short(start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
         if care is not None:
@@ -109,12 +109,14 @@ class Work(NamedTuple):
     """The work of a phase of polishing.
 
     phase: its name in the sweeps. below: only rings with a worse quality are visited. measure: what of the
-    corners' qualities has to grow, by default their mean.
+    corners' qualities has to grow, by default their mean. foresees: whether the phase ends already where the
+    next sweep would let it grow too little, if its growth fell by as much again as it did in the last.
     """
 
     phase: str = "polish"
     below: float = np.inf
     measure: Callable[[np.ndarray], float] = mean_quality
+    foresees: bool = False
 
 
 _POLISHING = Work()
@@ -133,21 +135,21 @@ def polish(
     """Raise the mean quality from where the engine is, with no quality that is above the floor falling below.
 
     Each vertex moves along the direction in which the price of its ring (see ``polish``) falls fastest, to
-    where it is lowest. Stops when the measure of the ``work`` grows by less than ``stopping.tol`` in a sweep,
-    and after its max_iterations and time_limit. done: how many sweeps came before. on_sweep, interrupted: see
-    ``relax``. aim: the price, and whether the floor is one for all, or what says that in each sweep for the
+    where it is lowest. Stops when the measure of the ``work`` grows by less than ``stopping.tol`` in a sweep
+    (or would in the next, see ``Work``), and after its max_iterations and time_limit. done: how many sweeps
+    came before. on_sweep, interrupted: see ``relax``. aim: the price, and whether the floor is one for all, or what says that in each sweep for the
     qualities (C,) reached.
     """
     limit, measure = badness_of(floor, engine.problem.dimension), work.measure
     start = time.perf_counter()
     qualities = engine.qualities()
-    reached = measure(qualities)
+    reached, growth = measure(qualities), 0.0
     sweeps: list[Sweep] = []
     while len(sweeps) < stopping.max_iterations:
         sweep_start = time.perf_counter()
         moved = 0
         now = aim(qualities) if callable(aim) else aim
-        active = None if work.below == np.inf else engine.ring_qualities() < work.below
+        active = None if work.below == np.inf else engine.ring_qualities(qualities) < work.below
         for batch in range(engine.batches):
             engine.hand_over()
             moved += engine.polish_batch(batch, engine.mean_ascent(batch, now, active), limit, now)
@@ -161,7 +163,9 @@ def polish(
         sweeps.append(Sweep(number, work.phase, q1, moved, seconds, mean, below))
         if on_sweep is not None:
             on_sweep(sweeps[-1])
-        if reached - before < stopping.tol:
+        previous, growth = growth, reached - before
+        falls = work.foresees and 0.0 < growth < previous
+        if (growth * growth / previous if falls else growth) < stopping.tol:
             return Relaxation(engine.points, sweeps, StopReason.CONVERGED)
     return Relaxation(engine.points, sweeps, StopReason.MAX_ITERATIONS)
 

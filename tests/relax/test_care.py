@@ -11,11 +11,13 @@ import oracle
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.relax.care import Care
 from dvr_cli.relax.descent import descend
-from dvr_cli.relax.directions import direction_field
+from dvr_cli.relax.directions import ascent_field, direction_field, random_field
 from dvr_cli.relax.engines.numpy_engine import NumpyEngine
 from dvr_cli.relax.patches.phase import relax_patches
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.problem import build_problem
+from dvr_cli.relax.ring_qualities import RingQualities
+from dvr_cli.relax.steepest import STEEPEST
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.relax.sweeps import polish, relax
 from meshes import KINDS, delaunay, random_mesh
@@ -203,3 +205,38 @@ def test_a_target_is_a_goal_for_all_elements_and_moves_nothing_else():
     assert oracle.mean_ratio(points[mesh.cells[0].vertices]).min() >= 0.2
     moved = (points != mesh.points).any(axis=1)
     assert 0 < moved.sum() < 0.6 * interior.sum()
+
+
+@pytest.mark.parametrize("kind", ["triangle", "tetra", "hexahedron"])
+@pytest.mark.parametrize("altitude", [0.0, 0.05])
+def test_an_engine_of_some_rings_moves_them_as_the_whole_one_does(kind, altitude):
+    """The coordinates are the same ones: what it moves has moved in the whole engine."""
+    mesh = random_mesh(kind, 3, noise=0.3)
+    (whole, _), (parent, _) = loaded(mesh), loaded(mesh)
+    active = np.arange(len(whole.problem.relaxed)) % 3 == 1
+    for engine in (whole, parent):
+        engine.keep_altitude(altitude)
+    for sweep, field in enumerate((ascent_field(STEEPEST), random_field(whole.problem.dimension, 5))):
+        part, told = parent.focused(active)
+        assert told is None
+        mine, its = whole.directions(field, sweep, active), part.directions(field, sweep)
+        moved = [
+            (whole.move_batch(batch, mine, active), part.move_batch(batch, its))
+            for batch in range(whole.batches)
+        ]
+        assert sum(a for a, _ in moved) == sum(b for _, b in moved) > 0
+        assert np.array_equal(whole.points, parent.points)
+
+
+@pytest.mark.parametrize("few", [1, 10**6])  # as ever so few of many rings, and as too many to count as few
+def test_ring_qualities_are_those_of_the_corners_after_any_move(few, monkeypatch):
+    monkeypatch.setattr("dvr_cli.relax.ring_qualities._FEW", few)
+    engine, domain = loaded(delaunay(200, 3, 2))
+    kept = RingQualities(engine)
+    for seed in range(3):
+        moved = np.random.default_rng(seed).choice(len(kept.values), 5, replace=False)
+        engine.coordinates[engine.problem.rings.vertices[moved]] += 1e-3 * (seed + 1)
+        kept.update(moved)
+        assert np.array_equal(np.sort(kept.values), vector(engine, domain))
+    kept.update(moved[:0])
+    assert np.array_equal(kept.values, engine.ring_qualities())

@@ -29,12 +29,14 @@ if TYPE_CHECKING:
 class Engine(ABC):
     """The code that updates all vertices of a batch; engines differ in speed, never in result.
 
-    altitude: see ``keep_altitude``.
+    altitude: see ``keep_altitude``. has_coordinates: whether they are in this process, rather than with others
+    that are asked for them.
     """
 
     backend: Backend
     threads = 1
     altitude = 0.0
+    has_coordinates = True
 
     def __init__(self, problem: Problem) -> None:
         """problem: what to relax; the coordinates are those last given to ``load``."""
@@ -154,11 +156,29 @@ class Engine(ABC):
         self._set(state[0])
         self._standing = state[1]
 
-    def ring_qualities(self) -> np.ndarray:
-        """(m,) the worst quality in each ring."""
+    def ring_qualities(self, qualities: np.ndarray | None = None) -> np.ndarray:
+        """(m,) the worst quality in each ring; qualities: (C,) of the corners, if they are known."""
         problem = self.problem
-        minima = ring_minima(self.qualities(), problem.touched, len(problem.order), self.backend)
+        known = self.qualities() if qualities is None else qualities
+        minima = ring_minima(known, problem.touched, len(problem.order), self.backend)
         return minima[problem.rings.vertices]
+
+    def focused(self, active: np.ndarray) -> tuple[Engine, np.ndarray | None]:
+        """An engine that moves the vertices of the rings ``active`` ((m,) bool) alone, of these coordinates.
+
+        It costs as much as there are such rings. Returned with it is what it has to be told of ``active`` by
+        ``directions`` and ``move_batch``: nothing, unless it is this engine itself.
+        """
+        if self.problem.carriers is not None:
+            return self, active
+        other = self._over(self.problem.of_rings(np.flatnonzero(active)))
+        other._set(self._get())  # which shares them
+        other.altitude = self.altitude
+        return other, None
+
+    def _over(self, problem: Problem) -> Engine:
+        """An engine like this one for another problem."""
+        return type(self)(problem)
 
     def directions(
         self, field: DirectionField, sweep: int, active: np.ndarray | None = None

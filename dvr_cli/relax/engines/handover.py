@@ -93,6 +93,13 @@ class HandoverEngine(Engine):
         self._set(points)
         return True
 
+    def focused(self, active: np.ndarray) -> tuple[Engine, np.ndarray | None]:
+        """As in Engine, from when nothing is handed over any more."""
+        return super().focused(active) if self.backend is COMPILED else (self, active)
+
+    def _over(self, problem: Problem) -> Engine:
+        return self._engine._over(problem)
+
     def _take(self, engine: Engine) -> None:
         self._engine, self.backend, self.threads = engine, engine.backend, engine.threads
         engine._directions = self._directions

@@ -42,6 +42,11 @@ class NumbaEngine(Engine):
         )
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
 
+    def _over(self, problem: Problem) -> Engine:
+        other = NumbaEngine(problem)
+        other.threads, other._pool = self.threads, self._pool
+        return other
+
     def _set(self, points: np.ndarray) -> None:
         self._points = np.ascontiguousarray(points)
 

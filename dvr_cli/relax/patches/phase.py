@@ -29,8 +29,9 @@ from dvr_cli.relax.stopping import Stopping, StopReason
 from dvr_cli.relax.sweeps import Relaxation, Sweep, cut_short
 
 LAYERS = 4  # around a corner's own vertices at most; beyond them hardly anything gains
+_AROUND_OTHERS = 2  # with a level of care, around all corners but the worst: more cost much for little
 PROGRESS = 0.01  # relative growth of a patch's smallest quality below which a layer more is tried
-_SHARE, _LEAST = 3e-4, 160  # patches that can be paid for: this part of the corners, and so many at least
+_SHARE, _LEAST = 3e-4, 64  # patches that can be paid for: this part of the corners, and so many at least
 _BEYOND = 1e-6  # relative quality by which a patch goes beyond the level
 _CANDIDATES = 30 * ROUND  # worst corners looked at for the patches of a round
 
@@ -132,7 +133,9 @@ class _State:
         """The worst corners that may gain, worst first; of equals the first."""
         may, among = self.layers <= LAYERS, self.quality
         if self._level < np.inf:
+            first = int(np.where(self._beyond, np.inf, self.quality).argmin())
             may &= self.quality < self._level
+            may &= (self.layers <= _AROUND_OTHERS) | (np.arange(len(may)) == first)
             among = self.quality[may]
         if len(among) > _CANDIDATES:
             may &= self.quality <= np.partition(among, _CANDIDATES - 1)[_CANDIDATES - 1]
