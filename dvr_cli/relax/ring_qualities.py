@@ -27,9 +27,7 @@ class RingQualities:
     def __init__(self, engine: Engine) -> None:
         """engine: not one of a surface in space, nor one that leaves coordinates to others."""
         self._engine, problem = engine, engine.problem
-        incidence = incidence_of(
-            problem.touched, problem.rings.vertices, len(problem.order), engine.backend
-        )
+        incidence = incidence_of(problem.touched, problem.rings.vertices, len(problem.order), engine.backend)
         self._rings, self._start, self._corners = incidence.members, incidence.start, incidence.corner
         self._look_at_all()
 

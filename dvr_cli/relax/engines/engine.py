@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 class Engine(ABC):
     """The code that updates all vertices of a batch; engines differ in speed, never in result.
 
-    altitude: see ``keep_altitude``. has_coordinates: whether they are in this process, rather than with others
-    that are asked for them.
+    altitude: see ``keep_altitude``. has_coordinates: whether they are in this process, rather than with
+    others that are asked for them.
     """
 
     backend: Backend
