@@ -293,7 +293,7 @@ def _peak(comm, path: Path) -> dict[str, float]:
 def _shares(comm, path: Path) -> dict[str, float]:
     """Smooth by the command without a rank that has the mesh; peak memory, CPU seconds of all but sweeps."""
     from dvr_cli.cli.main import main
-    from dvr_cli.files.vtk.ranges import ranges_of
+    from dvr_cli.files.formats import formats_by_suffix
 
     with tempfile.TemporaryDirectory() as folder:
         words = ["smooth", str(path), str(Path(folder) / "out.vtk"), "-d", "random", "--quiet"]
@@ -304,8 +304,8 @@ def _shares(comm, path: Path) -> dict[str, float]:
         assert main([*words, "0"]) == 0
         seconds = time.process_time() - begin
         comm.Barrier()
-    ranges = ranges_of(path)
-    return {"tetrahedra": float(ranges.cells.count), "peak": float(peak), "seconds": seconds}
+    ranges = formats_by_suffix(path)[0].ranges_of(path)
+    return {"tetrahedra": float(ranges.main.count), "peak": float(peak), "seconds": seconds}
 
 
 def _as_rank(what: str, path: Path) -> None:

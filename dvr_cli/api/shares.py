@@ -9,7 +9,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,15 +24,15 @@ from dvr_cli.distributed.ranks import on_all
 from dvr_cli.distributed.rows import bounds, owner_of, sent
 from dvr_cli.distributed.share_engine import ShareEngine
 from dvr_cli.distributed.share_quality import View, quality_of
+from dvr_cli.distributed.share_reading import own_range, read_share, store_of
 from dvr_cli.distributed.share_writing import write_copy
 from dvr_cli.distributed.shared_parts import Share, share_of
-from dvr_cli.distributed.shares import Local, Store
+from dvr_cli.distributed.shares import CellRows, Local, Store
 from dvr_cli.errors import DvrError, InputError
 from dvr_cli.files.ranges import Ranges
-from dvr_cli.mesh.cell_types import CELL_TYPES
-from dvr_cli.mesh.domain import Domain, domain_of, is_computable
-from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.ranks import distinct
+from dvr_cli.mesh.region_choice import regions_of
 from dvr_cli.quality.limits import HeldBy, Limit, limit_of
 from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities
 from dvr_cli.quality.measure import Quality
@@ -98,17 +97,15 @@ def smooth_shares(comm: Any, task: Task, hooks: Hooks | None = None) -> SmoothRe
     """
     try:
         changed = on_all(comm, lambda: _changed(task.source))
-        read = on_all(comm, partial(_read, comm, task))
+        (read,) = on_all(comm, lambda: [read_share(comm, task.source, task.ranges)])
     except DvrError as error:
         return error
-    if not _agree(comm, read[1] is not None):
+    if not _agree(comm, read is not None) or read is None:
         return None
-    points, cells = read
-    assert cells is not None
     take_turns(KINDS[task.engine])
-    store = Store(comm, task.ranges.points.count, task.ranges.cell_type, points, cells)
-    del points, cells, read
-    mine = _prepared(comm, store, task.options, KINDS[task.engine].backend)
+    store = store_of(comm, task.ranges, read)
+    del read
+    mine = _prepared(comm, store, task, KINDS[task.engine].backend)
     if mine is None:
         return None
     report, moved = _smoothed(comm, store, mine, task, hooks or Hooks())
@@ -135,29 +132,6 @@ def _agree(comm: Any, good: bool) -> bool:
     return all(comm.allgather(good))
 
 
-def _read(comm: Any, task: Task) -> tuple[np.ndarray, np.ndarray | None]:
-    """The coordinates and cells that this rank reads; no cells where they are not what the ranges say."""
-    source, ranges = task.source, task.ranges
-    try:
-        first, last = bounds(ranges.points.count, comm.size)[comm.rank : comm.rank + 2].tolist()
-        points = ranges.points.read(source, first, last).astype(np.float64, copy=False)
-        first, last = bounds(ranges.cells.count, comm.size)[comm.rank : comm.rank + 2].tolist()
-        cells = ranges.cells_of(source, first, last, CELL_TYPES[ranges.cell_type].nodes)
-    except OSError as error:
-        raise InputError(f"{source}: {(error.strerror or str(error)).lower()}") from error
-    if cells is not None and (not is_computable(points) or not _names_vertices(cells, ranges.points.count)):
-        return points, None
-    return points, cells
-
-
-def _names_vertices(cells: np.ndarray, n: int) -> bool:
-    """True if each of the cells (c, k) names k of n vertices, no one twice."""
-    ordered = np.sort(cells, axis=1)
-    if not len(cells) or ordered[:, 0].min() < 0 or ordered[:, -1].max() >= n:
-        return not len(cells)
-    return bool((ordered[:, 1:] != ordered[:, :-1]).all())
-
-
 class _Mine(NamedTuple):
     """The work of a rank: its cells and their domain, its share, and its view of the whole."""
 
@@ -167,21 +141,30 @@ class _Mine(NamedTuple):
     view: View
 
 
-def _prepared(comm: Any, store: Store, options: SmoothOptions, backend: Any) -> _Mine | None:
+def _prepared(comm: Any, store: Store, task: Task, backend: Any) -> _Mine | None:
     """The work of this rank; None on all ranks where the mesh has to be on one, see ``smooth_shares``."""
-    if not _agree(comm, len(store.ids) > 0):
+    if not _agree(comm, len(store.cells.ids) > 0):
         return None
-    if options.shape == "auto" and _has_layers(comm, store, backend):
+    if task.ranges.once and not _agree(comm, not _has_repeated(store)):
         return None
-    local = store.local(store.ids, store.cells)
+    if task.options.shape == "auto" and _has_layers(comm, store, backend):
+        return None
+    local = store.local(store.cells, store.lower)
     domain = _positive_domain(comm, local, backend)
     if domain is None:
         return None
     share = share_of(comm, store, local, domain, domain.interior)
     own = np.flatnonzero(share.own & share.relaxed)
     domain = replace(domain, cell_ids=local.cells)
-    view = View(domain, store.owned(store.cells), share.relaxed, own, local.index[own])
+    view = View(domain, store.owned(store.cells.cells), share.relaxed, own, local.index[own])
     return _Mine(local, domain, share, view)
+
+
+def _has_repeated(store: Store) -> bool:
+    """True if a lower cell is here twice."""
+    cells = store.lower.cells
+    rows = np.column_stack([np.array(store.kinds.sizes)[store.lower.kinds], np.sort(cells, axis=1)])
+    return len(np.unique(rows, axis=0)) < len(rows)
 
 
 def _positive_domain(comm: Any, local: Local, backend: Any) -> Domain | None:
@@ -198,10 +181,11 @@ def _positive_domain(comm: Any, local: Local, backend: Any) -> Domain | None:
 
 def _has_layers(comm: Any, store: Store, backend: Any) -> bool:
     """True on all ranks if any has cells whose stretching is coherent: whether to keep them is not said."""
-    ids, cells = store.within(_REACH)
-    domain = domain_of(store.local(ids, cells).mesh, backend=backend)
+    cells = store.within(_REACH)
+    none = CellRows(*(column[:0] for column in store.lower))
+    domain = domain_of(store.local(cells, none).mesh, backend=backend)
     repeated = len(domain.repeated) > 0
-    return not _agree(comm, not repeated and not any_seeds(domain, store.owned(cells)))
+    return not _agree(comm, not repeated and not any_seeds(domain, store.owned(cells.cells)))
 
 
 def _smoothed(
@@ -255,11 +239,14 @@ def _asked(comm: Any, interrupted: Callable[[], bool]) -> Callable[[], bool]:
 
 def _summary(comm: Any, store: Store, mine: _Mine, ranges: Ranges) -> MeshSummary:
     """The summary of the whole mesh."""
+    region, divided_by = regions_of(store.kinds.summary(), [0])
     return replace(
         summarise(mine.local.mesh, mine.domain),
         points=store.size,
-        cells={ranges.cell_type: ranges.cells.count},
-        mirrored=ranges.cells.count if mine.domain.mirrored else 0,
+        cells={name: table.count for name, table in ranges.cells},
+        mirrored=ranges.main.count if mine.domain.mirrored else 0,
+        regions=int(region.max()) + 1,
+        divided_by=divided_by,
         orphans=store.size - comm.allreduce(int(mine.share.own.sum())),
     )
 
@@ -272,33 +259,30 @@ def _limit(
     place = np.flatnonzero(np.isin(local.cells, [element.cell for element in after.worst]))
     named = distinct(local.number[domain.corners.vertices[place].ravel()])
     named = distinct(np.concatenate(comm.allgather(named)))
-    ids, cells = store.around(named if comm.rank == LEAD else named[:0])
-    numbers = distinct(cells.ravel())
-    rows = np.zeros((store.count, 9))
-    rows[:, 0], rows[:, 1:4], rows[:, 4:7] = store.index, store.points, store.points
+    if comm.rank != LEAD:
+        named = named[:0]
+    near = store.local(store.around(named), store.lower_around(named))
+    rows = np.zeros((store.count, 5))
+    rows[:, :3] = store.points
     own = local.number[share.own] - store.first
-    rows[own, 4:7] = points[share.own]
-    rows[own, 7], rows[own, 8] = domain.interior[share.own], share.relaxed[share.own]
-    around, _ = store.of_others(numbers, rows)
+    rows[own, :3] = points[share.own]
+    rows[own, 3], rows[own, 4] = domain.interior[share.own], share.relaxed[share.own]
+    around, _ = store.of_others(near.number, rows)
     if comm.rank != LEAD:
         return None
-    order = np.argsort(around[:, 0])
-    vertex = np.empty(len(order), dtype=np.int64)
-    vertex[order] = np.arange(len(order))
-    around = around[order]
     # two vertices more, of no cell, so that the mesh is as large as the whole
     corners = np.stack([store.low, store.high])
-    block = Cells(local.mesh.cells[0].type, vertex[np.searchsorted(numbers, cells)])
-    small = Mesh(np.concatenate([around[:, 1:4], corners]), [block])
-    near = replace(domain_of(small), interior=np.append(around[:, 7], (0.0, 0.0)).astype(bool), cell_ids=ids)
+    small = replace(near.mesh, points=np.concatenate([near.mesh.points, corners]))
+    interior = np.append(around[:, 3], (0.0, 0.0)).astype(bool)
     free = np.ones(len(small.points), dtype=bool)
+    of_small = replace(domain_of(small), interior=interior, cell_ids=near.cells)
     return limit_of(
-        near,
-        np.concatenate([around[:, 4:7], corners]),
-        np.flatnonzero(around[:, 8]),
+        of_small,
+        np.concatenate([around[:, :3], corners]),
+        np.flatnonzero(around[:, 4]),
         after,
-        HeldBy({}, freer(small, near, options.boundary, free, options.feature_angle)),
-        names=np.append(around[:, 0].astype(np.int64), (-1, -1)),
+        HeldBy({}, freer(small, of_small, options.boundary, free, options.feature_angle)),
+        names=np.append(near.index, (-1, -1)),
     )
 
 
@@ -307,9 +291,9 @@ def _for_file(comm: Any, store: Store, task: Task, moved: tuple[np.ndarray, np.n
 
     moved: the indices and coordinates of the vertices that this rank owns.
     """
-    limits = bounds(store.size, comm.size)
-    index, points = sent(comm, owner_of(moved[0], limits), *moved)
-    first, last = limits[comm.rank : comm.rank + 2].tolist()
-    rows = task.ranges.points.read(task.source, first, last).astype(np.float64, copy=False)
+    index, points = sent(comm, owner_of(moved[0], bounds(store.size, comm.size)), *moved)
+    first, last = own_range(comm, task.ranges.points)
+    rows = task.ranges.points.read(task.source, first, last)
+    assert rows is not None  # as before
     rows[index - first] = points
     return first, rows

@@ -32,18 +32,19 @@ def smooth_in_shares(
     from dvr_cli.distributed.ranks import together
     from dvr_cli.errors import DvrError
     from dvr_cli.files import writing
-    from dvr_cli.files.vtk.ranges import ranges_of
+    from dvr_cli.files.formats import formats_by_suffix
     from dvr_cli.relax.engines.choice import choose_engine
 
     source, output, report = paths
-    same = source.suffix.lower() == output.suffix.lower() == ".vtk"
+    formats = formats_by_suffix(source)
+    same = len(formats) == 1 and formats == formats_by_suffix(output)
     page = report is not None and report.suffix.lower() == ".html"
     if page or not same or any(given[name] for name in _NEED_ALL) or not takes(options):
         return None
     if writing.is_stream(output) or not source.is_file():
         return None
-    ranges = ranges_of(source)
-    if ranges is None or ranges.cells.count < comm.size:
+    ranges = formats[0].ranges_of(source)
+    if ranges is None or ranges.main.count < comm.size:
         return None
     sweeps = options.stopping.max_iterations
     kind = choose_engine(options.engine, ranges.points.count, sweeps, options.takes_patches)

@@ -10,22 +10,22 @@ import numpy as np
 
 from dvr_cli.distributed.job import LEAD
 from dvr_cli.errors import DvrError
-from dvr_cli.files.ranges import Rows
+from dvr_cli.files.ranges import Table
 from dvr_cli.files.writing import replacing
 
 
 def write_copy(
-    comm: Any, source: Path, output: Path, rows: Rows, first: int, values: np.ndarray
+    comm: Any, source: Path, output: Path, table: Table, first: int, values: np.ndarray
 ) -> DvrError | None:
     """Write a copy of ``source`` with other rows at ``output``, on all ranks together.
 
-    rows: where they lie. values: (n, columns) those of this rank, from the row ``first`` on. Returns on the
+    table: where they lie. values: (n, columns) those of this rank, from the row ``first`` on. Returns on the
     leading rank what went wrong: then what was at ``output`` is still there.
     """
     if comm.rank != LEAD:
         copy = comm.bcast(None, LEAD)
         if copy is not None:
-            comm.gather(_written(comm, copy, rows, first, values), LEAD)
+            comm.gather(_written(comm, copy, table, first, values), LEAD)
         return None
     told = False
     try:
@@ -33,7 +33,7 @@ def write_copy(
             shutil.copyfile(source, copy)
             comm.bcast(copy, LEAD)
             told = True
-            faults = comm.gather(_written(comm, copy, rows, first, values), LEAD)
+            faults = comm.gather(_written(comm, copy, table, first, values), LEAD)
             if any(faults):
                 raise OSError(next(filter(None, faults)))
     except DvrError as error:
@@ -43,7 +43,7 @@ def write_copy(
     return None
 
 
-def _written(comm: Any, path: Path, rows: Rows, first: int, values: np.ndarray) -> str | None:
+def _written(comm: Any, path: Path, table: Table, first: int, values: np.ndarray) -> str | None:
     """Write the rows of all ranks with MPI-IO; what went wrong on this one."""
     from mpi4py import MPI
 
@@ -53,10 +53,15 @@ def _written(comm: Any, path: Path, rows: Rows, first: int, values: np.ndarray) 
         return str(error.Get_error_string())
     fault = None
     try:
-        stored = np.ascontiguousarray(values, dtype=rows.dtype)
-        file.Write_at_all(rows.offset(first), stored.view(f"u{stored.itemsize}"))
+        done = 0
+        for part, lo, hi in table.stretches(first, first + len(values)):
+            data = part.rows.patched(path, lo, values[done : done + hi - lo])
+            file.Write_at(part.rows.offset(lo), data)
+            done += hi - lo
     except MPI.Exception as error:
         fault = str(error.Get_error_string())
+    except OSError as error:
+        fault = error.strerror or str(error)
     try:
         file.Sync()
     except MPI.Exception as error:

@@ -2,17 +2,18 @@
 
 A vertex has two numbers in the whole: its *index*, the place in the file, and its *number* in Morton order,
 as a problem has it on one rank. A rank owns the numbers of one range, and of cells those whose lowest number
-it owns. Rows of the file come to their owners from whichever rank has read them.
+it owns. CellRows of the file come to their owners from whichever rank has read them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dvr_cli.distributed.rows import asked, bounds, owner_of, sent
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.morton import morton_codes
 from dvr_cli.mesh.ranks import distinct
@@ -20,11 +21,60 @@ from dvr_cli.mesh.ranks import distinct
 _SAMPLES = 256  # places on the curve that each rank names, between which ranges are cut
 
 
+class CellRows(NamedTuple):
+    """Some cells of a mesh.
+
+    ids: (c,) in the whole. cells: (c, k) their vertices, of cells with fewer the first one again. kinds: (c,)
+    which of the mesh's kinds each is of.
+    """
+
+    ids: np.ndarray
+    cells: np.ndarray
+    kinds: np.ndarray
+
+
+class Kinds(NamedTuple):
+    """The kinds of cells that a mesh has.
+
+    types: the type of each kind, tags: (kinds, t) what cell data say of its cells, and names: (t,) of these.
+    main: the type of the cells whose vertices move, all others being of lower dimension.
+    """
+
+    types: tuple[str, ...]
+    tags: np.ndarray
+    names: tuple[str, ...]
+    main: str
+
+    @property
+    def sizes(self) -> list[int]:
+        """How many vertices the cells of each kind have."""
+        return [CELL_TYPES[name].nodes for name in self.types]
+
+    def mesh(self, points: np.ndarray, cells: CellRows, lower: CellRows) -> Mesh:
+        """The mesh of some cells, whose vertices are rows of ``points``, and of lower cells."""
+        blocks, kinds = [Cells(self.main, cells.cells)], [cells.kinds]
+        for name in dict.fromkeys(self.types):
+            which = np.flatnonzero([kind == name for kind in self.types])
+            some = np.isin(lower.kinds, which)
+            if name != self.main and some.any():
+                blocks.append(Cells(name, lower.cells[some, : CELL_TYPES[name].nodes]))
+                kinds.append(lower.kinds[some])
+        data = {name: [self.tags[kind, t] for kind in kinds] for t, name in enumerate(self.names)}
+        return Mesh(points, blocks, cell_data=data)
+
+    def summary(self) -> Mesh:
+        """A mesh with one cell of each kind of those that move, so that it has the regions of the whole."""
+        which = np.flatnonzero([kind == self.main for kind in self.types])
+        cells = np.zeros((len(which), CELL_TYPES[self.main].nodes), dtype=np.int64)
+        rows, none = CellRows(which, cells, which), CellRows(which[:0], cells[:0, :1], which[:0])
+        return self.mesh(np.zeros((1, 3)), rows, none)
+
+
 @dataclass(frozen=True, eq=False)
 class Local:
     """Some cells of a mesh and their vertices, as a mesh of its own in the order of the whole.
 
-    index, number: (n,) of each vertex in the whole. cells: (c,) the ids of the cells.
+    index, number: (n,) of each vertex in the whole. cells: (c,) the ids of the cells of the first block.
     """
 
     mesh: Mesh
@@ -34,22 +84,25 @@ class Local:
 
 
 class Store:
-    """The vertices and cells that a rank owns of a mesh of cells of one type.
+    """The vertices and cells that a rank owns of a mesh of cells of one type, and of lower ones.
 
     All ranks have to call its functions together.
 
-    size: how many vertices the whole has. bounds: (ranks + 1,) the ranges of numbers that ranks own. low,
-    high: (3,) of the box of all vertices. index, points: (n,) and (n, 3) of the vertices of the rank, in the
-    order of their numbers. ids, cells: (c,) and (c, nodes) of all cells with one of these, by number, in the
-    order of their ids.
+    size: how many vertices the whole has. kinds: of its cells. bounds: (ranks + 1,) the ranges of numbers
+    that ranks own. low, high: (3,) of the box of all vertices. index, points: (n,) and (n, 3) of the vertices
+    of the rank, in the order of their numbers. cells, lower: all cells with one of these, by number, in the
+    order of their ids; those of lower cells count these alone.
     """
 
-    def __init__(self, comm: Any, size: int, cell_type: str, points: np.ndarray, cells: np.ndarray) -> None:
-        """size: vertices of the whole. points, cells: the rows that the rank has read, one range of each.
+    def __init__(
+        self, comm: Any, size: int, kinds: Kinds, points: np.ndarray, cells: CellRows, lower: CellRows
+    ) -> None:
+        """size: vertices of the whole. points, cells, lower: the rows that the rank has read.
 
-        The ranks have read the ranges of ``rows.bounds``, cells of vertices by their index.
+        The ranks have read the ranges of ``rows.bounds`` of vertices, and any rows of cells of vertices by
+        their index.
         """
-        self.comm, self.size, self._cell_type = comm, size, cell_type
+        self.comm, self.size, self.kinds = comm, size, kinds
         self.bounds = bounds(size, comm.size)
         nothing = np.full(3, np.inf)
         self.low = np.min(comm.allgather(points.min(axis=0, initial=np.inf) if len(points) else nothing), 0)
@@ -59,14 +112,11 @@ class Store:
         read_from = self.bounds[comm.rank]
         numbers = self._numbered(morton_codes(points, self.low, self.high), read_from)
         index = read_from + np.arange(len(points))
-        self.number_of_read = numbers
         own, index, points = sent(comm, owner_of(numbers, self.bounds), numbers, index, points)
         order = np.argsort(own)
         self.first = int(self.bounds[comm.rank])
         self.index, self.points = index[order], points[order]
-        self.ids, self.cells = self._dealt(cells, numbers)
-        if size <= np.iinfo(np.int32).max:
-            self.cells = self.cells.astype(np.int32)
+        self.cells, self.lower = self._dealt(cells, numbers), self._dealt(lower, numbers)
 
     @property
     def count(self) -> int:
@@ -85,43 +135,45 @@ class Store:
         first = self.first
         return asked(self.comm, numbers, self.owner(numbers), lambda wanted: values[wanted - first])
 
-    def around(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The ids, ascending, and the vertices by number of all cells with one of these vertices."""
-        to = self.owner(numbers)
-        order = np.argsort(to, kind="stable")
-        ranks = np.arange(1, self.comm.size)
-        wanted = self.comm.alltoall(np.split(numbers[order], np.searchsorted(to[order], ranks)))
-        found = self.comm.alltoall([self._with(some) for some in wanted])
-        return _each_once(found)
+    def around(self, numbers: np.ndarray) -> CellRows:
+        """The cells with one of these vertices."""
+        return self._around(self.cells, numbers)
 
-    def within(self, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """As ``around``, all cells that cells which this rank owns lead to in some steps.
+    def lower_around(self, numbers: np.ndarray) -> CellRows:
+        """The lower cells with one of these vertices."""
+        return self._around(self.lower, numbers)
+
+    def within(self, steps: int) -> CellRows:
+        """All cells that cells which this rank owns lead to in some steps.
 
         A step leads to all cells with a common vertex.
         """
-        ids, cells = self.ids, self.cells
-        edge, known = cells[self.owned(cells)], np.empty(0, dtype=np.int64)
+        found = self.cells
+        edge, known = found.cells[self.owned(found.cells)], np.empty(0, dtype=np.int64)
         for _ in range(steps):
             numbers = distinct(edge.ravel())
             numbers = numbers[(numbers < self.first) | (numbers >= self.first + self.count)]
             numbers = numbers[~np.isin(numbers, known)]
             known = np.concatenate([known, numbers])
-            more, edge = self.around(numbers)
-            ids, cells = _each_once([(ids, cells), (more, edge)])
-        return ids, cells
+            more = self.around(numbers)
+            edge = more.cells
+            found = _each_once([found, more])
+        return found
 
     def owned(self, cells: np.ndarray) -> np.ndarray:
         """(c,) bool, those of some cells, by number, that this rank owns: of their lowest vertex."""
         lowest = cells.min(axis=1, initial=self.size)
         return (lowest >= self.first) & (lowest < self.first + self.count)
 
-    def local(self, ids: np.ndarray, cells: np.ndarray) -> Local:
-        """Cells with these ids, ascending, and vertices by number, as a mesh."""
-        place = cells - self.first
-        mine = (place >= 0) & (place < self.count)
+    def local(self, cells: CellRows, lower: CellRows) -> Local:
+        """Some cells, and lower ones, as a mesh."""
         used = np.zeros(self.count, dtype=bool)
-        used[place[mine]] = True
-        others = distinct(cells[~mine])
+        not_mine: list[np.ndarray] = []
+        for rows in cells.cells, lower.cells:
+            mine = self._owns(rows)
+            used[rows[mine] - self.first] = True
+            not_mine.append(rows[~mine])
+        others = distinct(np.concatenate(not_mine))
         own = np.column_stack([self.index.astype(np.float64), self.points])  # an index is below 2**53
         rows, _ = self.of_others(others, own)
         rows = np.concatenate([own[used], rows])
@@ -130,20 +182,38 @@ class Store:
         order = np.argsort(index)
         at = np.empty(len(order), dtype=np.int32)
         at[order] = np.arange(len(order))
-        vertices = np.empty(cells.shape, dtype=np.int32)
-        vertices[mine] = at[(np.cumsum(used) - 1)[place[mine]]]
-        vertices[~mine] = at[used.sum() + np.searchsorted(others, cells[~mine])]
-        mesh = Mesh(np.ascontiguousarray(rows[order, 1:]), [Cells(self._cell_type, vertices)])
-        return Local(mesh, index[order], numbers[order], ids)
+        at_own = np.zeros(self.count, dtype=np.int32)
+        at_own[used] = at[: used.sum()]
 
-    def _with(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The cells of this rank with one of some of its vertices."""
+        def placed(cells: CellRows) -> CellRows:
+            rows, mine = cells.cells, self._owns(cells.cells)
+            vertices = np.empty(rows.shape, dtype=np.int32)
+            vertices[mine] = at_own[rows[mine] - self.first]
+            vertices[~mine] = at[used.sum() + np.searchsorted(others, rows[~mine])]
+            return cells._replace(cells=vertices)
+
+        mesh = self.kinds.mesh(np.ascontiguousarray(rows[order, 1:]), placed(cells), placed(lower))
+        return Local(mesh, index[order], numbers[order], cells.ids)
+
+    def _owns(self, numbers: np.ndarray) -> np.ndarray:
+        return (numbers >= self.first) & (numbers < self.first + self.count)
+
+    def _around(self, cells: CellRows, numbers: np.ndarray) -> CellRows:
+        """Of the cells of all ranks those with one of these vertices."""
+        to = self.owner(numbers)
+        order = np.argsort(to, kind="stable")
+        ranks = np.arange(1, self.comm.size)
+        wanted = self.comm.alltoall(np.split(numbers[order], np.searchsorted(to[order], ranks)))
+        return _each_once(self.comm.alltoall([self._with(cells, some) for some in wanted]))
+
+    def _with(self, cells: CellRows, numbers: np.ndarray) -> CellRows:
+        """Of some cells of this rank those with one of some of its vertices."""
         marked = np.zeros(self.count + 1, dtype=bool)  # the last stands for vertices of others
         marked[numbers - self.first] = True
-        place = self.cells - self.first
+        place = cells.cells - self.first
         place[(place < 0) | (place >= self.count)] = self.count
         which = marked[place].any(axis=1)
-        return self.ids[which], self.cells[which]
+        return CellRows(*(column[which] for column in cells))
 
     def _numbered(self, codes: np.ndarray, read_from: int) -> np.ndarray:
         """(n,) the number of each vertex that was read, from its place on the curve; of equals by index."""
@@ -164,31 +234,32 @@ class Store:
         result[back - read_from] = numbers
         return result
 
-    def _dealt(self, cells: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The ids and vertices by number of all cells with a vertex of this rank.
+    def _dealt(self, cells: CellRows, numbers: np.ndarray) -> CellRows:
+        """All cells with a vertex of this rank, by number.
 
         cells: those that this rank has read; numbers: of the vertices that it has read.
         """
         comm, read_from = self.comm, self.bounds[self.comm.rank]
-        wanted = distinct(cells.ravel())
+        wanted = distinct(cells.cells.ravel())
         known, _ = asked(comm, wanted, self.owner(wanted), lambda index: numbers[index - read_from])
-        by_number = known[np.searchsorted(wanted, cells)]
-        first = sum(comm.allgather(len(cells))[: comm.rank])
-        ids = first + np.arange(len(cells), dtype=np.int64)
+        by_number = known[np.searchsorted(wanted, cells.cells)]
         owners = self.owner(by_number)
         rows, to = [], []
-        for column in range(cells.shape[1]):
+        for column in range(owners.shape[1]):
             new = (owners[:, :column] != owners[:, column : column + 1]).all(axis=1)
             rows.append(np.flatnonzero(new))
             to.append(owners[new, column])
         which = np.concatenate(rows)
-        ids, by_number = sent(comm, np.concatenate(to), ids[which], by_number[which])
-        order = np.argsort(ids)
-        return ids[order], by_number[order]
+        if self.size <= np.iinfo(np.int32).max:
+            by_number = by_number.astype(np.int32)
+        columns = cells.ids[which], by_number[which], cells.kinds[which]
+        found = CellRows(*sent(comm, np.concatenate(to), *columns))
+        order = np.argsort(found.ids)
+        return CellRows(*(column[order] for column in found))
 
 
-def _each_once(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """The ids, ascending, and vertices of the cells in some parts, each cell once."""
-    ids = np.concatenate([some for some, _ in parts])
+def _each_once(parts: list[CellRows]) -> CellRows:
+    """The cells in some parts, each cell once, in the order of their ids."""
+    ids = np.concatenate([some.ids for some in parts])
     _, once = np.unique(ids, return_index=True)
-    return ids[once], np.concatenate([some for _, some in parts])[once]
+    return CellRows(*(np.concatenate(column)[once] for column in zip(*parts, strict=True)))

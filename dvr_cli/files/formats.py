@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from dvr_cli.errors import OutputError, UsageError
 
 if TYPE_CHECKING:
+    from dvr_cli.files.ranges import Ranges
     from dvr_cli.files.source import InputFile, Source
     from dvr_cli.mesh.mesh import Mesh
 
@@ -31,6 +32,8 @@ class Format:
     signature: the regular expression that the first bytes of its files match, compiled when a file needs it;
         None if they do not give it away.
     reader: the module in this package whose ``read`` makes a Source of a file.
+    ranges: the module in this package whose ``ranges_of`` finds where in a file each of several processes can
+        read its part; None where one has to read it.
     several: its meshes may be spread over several files. ``read`` then takes an InputFile, else bytes.
     named_meshes: a file may hold several meshes, of which one is chosen by name.
     converter: the module whose ``convert(mesh, unread)`` makes a Source of any mesh, to be written in this
@@ -46,6 +49,7 @@ class Format:
     suffixes: tuple[str, ...]
     signature: bytes | None = None
     reader: str = _MESHIO
+    ranges: str | None = None
     several: bool = False
     named_meshes: bool = False
     converter: str | None = _MESHIO
@@ -68,6 +72,13 @@ class Format:
             return meshio_source.read(file, self.name)
         read = import_module(f"dvr_cli.files.{self.reader}").read
         return read(file if self.several else file.data)
+
+    def ranges_of(self, path: Path) -> Ranges | None:
+        """The byte ranges of a file, None where a process has to read it whole; raises OSError."""
+        if self.ranges is None or not path.stat().st_size:
+            return None
+        ranges: Ranges | None = import_module(f"dvr_cli.files.{self.ranges}").ranges_of(path)
+        return ranges
 
     def convert(self, mesh: Mesh, unread: Sequence[str]) -> Source:
         """A Source that writes ``mesh``, read from another format, in this one.
@@ -100,6 +111,7 @@ REGISTRY = (
         (".msh", ".msh2", ".msh4"),
         rb"\s*\$(MeshFormat|Comments|NOD)\b",
         reader="gmsh",
+        ranges="gmsh.ranges",
         meshio=("gmsh22", {"binary": True}),  # its 4.1 needs tags that other formats do not have
         versions="MSH 1, 2.0 to 2.2, 3, 4.0, 4.1; text and binary",
         regions="physical groups, entities",
@@ -111,6 +123,7 @@ REGISTRY = (
         (".vtk",),
         _BOM + rb"\s*# vtk DataFile",
         reader="vtk",
+        ranges="vtk.ranges",
         meshio=("vtk42", {}),  # its default, 5.1, is one Gmsh cannot open
         versions="1.0 to 5.1; text and binary",
         regions="cell fields",
@@ -131,6 +144,7 @@ REGISTRY = (
         (".vtu",),
         rb"(?s)" + _XML + rb"<VTKFile",
         reader="vtkxml.vtu",
+        ranges="vtkxml.ranges",
         versions="text, base64, raw, compressed, several pieces",
         regions="cell fields",
     ),

@@ -1,15 +1,22 @@
 """Byte ranges: where in a file the rows of coordinates and cells lie, for processes that each read some.
 
-Only for files of one block of cells of one type, with coordinates in 64 bits and nothing that tells regions
-apart, as each process then knows what its rows are.
+Only for files with tetrahedra and nothing of their dimension beside them, coordinates in 64 bits, and
+vertices that are numbered as they come. What else has to be so is said with the rows, and looked at by
+whoever reads them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+
+from dvr_cli.mesh.ranks import ranks
+
+MAIN = "tetra"  # the type of the cells whose vertices move
 
 
 @dataclass(frozen=True)
@@ -17,53 +24,155 @@ class Rows:
     """Rows of numbers that lie one after the other in a file.
 
     begin: the offset of the first byte. dtype: of the numbers, with their byte order. columns: numbers a row.
-    count: rows.
+    count: rows. stride: bytes from one row to the next, 0 where nothing lies between them.
     """
 
     begin: int
     dtype: str
     columns: int
     count: int
+    stride: int = 0
+
+    @property
+    def step(self) -> int:
+        """Bytes from one row to the next."""
+        return self.stride or self._width
+
+    @property
+    def _width(self) -> int:
+        return self.columns * np.dtype(self.dtype).itemsize
 
     def offset(self, row: int) -> int:
         """The offset of the first byte of a row."""
-        return self.begin + row * self.columns * np.dtype(self.dtype).itemsize
+        return self.begin + row * self.step
 
     def read(self, path: Path, first: int, last: int) -> np.ndarray:
         """(last - first, columns) the rows first .. last in native byte order; raises OSError.
 
         They are fewer where the file ends before.
         """
-        count, dtype = (last - first) * self.columns, np.dtype(self.dtype)
-        values = np.fromfile(path, dtype, count, offset=self.offset(first))
-        whole = len(values) // self.columns
-        return values[: whole * self.columns].reshape(whole, self.columns).astype(dtype.newbyteorder("="))
+        return self._rows(self._bytes(path, first, last)).astype(np.dtype(self.dtype).newbyteorder("="))
+
+    def patched(self, path: Path, first: int, values: np.ndarray) -> np.ndarray:
+        """The bytes from the row ``first`` on with other ``values`` (n, columns); raises OSError."""
+        if self.step == self._width:
+            return np.ascontiguousarray(values, dtype=self.dtype).reshape(-1).view(np.uint8)
+        data = self._bytes(path, first, first + len(values))
+        self._rows(data)[:] = values
+        return data
+
+    def _bytes(self, path: Path, first: int, last: int) -> np.ndarray:
+        size = self.step * (last - first - 1) + self._width if last > first else 0
+        return np.fromfile(path, np.uint8, size, offset=self.offset(first))
+
+    def _rows(self, data: np.ndarray) -> np.ndarray:
+        """The rows in some bytes, as a view of them."""
+        whole = (len(data) + self.step - self._width) // self.step if len(data) else 0
+        number = np.dtype(self.dtype)
+        return np.ndarray((whole, self.columns), number, data, strides=(self.step, number.itemsize))
+
+
+@dataclass(frozen=True)
+class Counted:
+    """Rows of which row r has the numbers values + r * step, if the file is what it seems to be."""
+
+    rows: Rows
+    values: tuple[int, ...]
+    step: int = 0
+
+    def holds(self, path: Path, first: int, last: int) -> bool:
+        """True if that is so of the rows first .. last, and they are there; raises OSError."""
+        found = self.rows.read(path, first, last)
+        wanted = np.array(self.values) + self.step * np.arange(first, last)[:, None]
+        return len(found) == last - first and bool((found == wanted).all())
+
+
+@dataclass(frozen=True)
+class Part:
+    """Rows of a table that lie together.
+
+    sure: rows of numbers that have to be what is said of them, one for each of ``rows``. tags: of cells, one
+    number each or the same one for all.
+    """
+
+    rows: Rows
+    sure: tuple[Counted, ...] = ()
+    tags: tuple[int | Rows, ...] = ()
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows that lie in one part of a file or in several."""
+
+    parts: tuple[Part, ...]
+
+    @cached_property
+    def count(self) -> int:
+        """How many rows there are."""
+        return sum(part.rows.count for part in self.parts)
+
+    def stretches(self, first: int, last: int) -> Iterator[tuple[Part, int, int]]:
+        """The parts with rows among first .. last, and which rows of each these are."""
+        start = 0
+        for part in self.parts:
+            lo, hi = max(first - start, 0), min(last - start, part.rows.count)
+            if lo < hi:
+                yield part, lo, hi
+            start += part.rows.count
+
+    def read(self, path: Path, first: int, last: int) -> np.ndarray | None:
+        """(last - first, columns) the rows first .. last; None where not all is as said; raises OSError."""
+        found = [self.parts[0].rows.read(path, 0, 0)] if self.parts else [np.empty((0, 0))]
+        for part, lo, hi in self.stretches(first, last):
+            rows = part.rows.read(path, lo, hi)
+            if len(rows) < hi - lo or not all(some.holds(path, lo, hi) for some in part.sure):
+                return None
+            found.append(rows)
+        return found[-1] if len(found) == 2 else np.concatenate(found)
+
+    def kinds(self, path: Path, first: int, last: int) -> tuple[list[tuple[int, ...]], np.ndarray]:
+        """The distinct tags of the rows first .. last, and (last - first,) which of them each row has."""
+        known: dict[tuple[int, ...], int] = {}
+        found = [np.empty(0, dtype=np.int32)]
+        for part, lo, hi in self.stretches(first, last):
+            columns = [tag.read(path, lo, hi)[:, 0] for tag in part.tags if isinstance(tag, Rows)]
+            place = np.zeros(hi - lo, dtype=np.int64)
+            for column in columns:
+                of_column = ranks(column)
+                place = ranks(place * (of_column.max() + 1) + of_column)
+            some = np.empty(place.max() + 1, dtype=np.int64)
+            some[place] = np.arange(hi - lo)
+            at = []
+            for row in some.tolist():
+                of_row = iter([int(column[row]) for column in columns])
+                tags = tuple(next(of_row) if isinstance(tag, Rows) else tag for tag in part.tags)
+                at.append(known.setdefault(tags, len(known)))
+            found.append(np.array(at, dtype=np.int32)[place])
+        return list(known), np.concatenate(found)
 
 
 @dataclass(frozen=True)
 class Ranges:
     """The places of coordinates and cells in a file.
 
-    points: (N, 3) coordinates. cell_type: of all cells. cells: their vertices in the last columns, in the
-    order of that type. alike: rows of one number, one a cell, and that number: what has to be so if all cells
-    are of that type. steps: rows of one number, one a cell, which has to grow by so much from cell to cell.
+    points: (N, 3) coordinates. cells: the cells of each type in the last columns, in the order in which types
+    come in the file. base: the number of the first vertex. names: of the cell data that tags are. once:
+    whether a cell that is there twice counts once, in all its groups.
     """
 
-    points: Rows
-    cell_type: str
-    cells: Rows
-    alike: tuple[tuple[Rows, int], ...]
-    steps: tuple[tuple[Rows, int], ...]
+    points: Table
+    cells: tuple[tuple[str, Table], ...]
+    base: int = 0
+    names: tuple[str, ...] = ()
+    once: bool = False
 
-    def cells_of(self, path: Path, first: int, last: int, nodes: int) -> np.ndarray | None:
-        """(last - first, nodes) the vertices of some cells; None where not all are of that type."""
-        rows = self.cells.read(path, first, last)
-        good = len(rows) == last - first and bool((rows[:, : self.cells.columns - nodes] == nodes).all())
-        for place, value in self.alike:
-            found = place.read(path, first, last)
-            good = good and len(found) == last - first and bool((found == value).all())
-        for place, step in self.steps:
-            found = place.read(path, first, last)
-            wanted = step * np.arange(first, last)
-            good = good and len(found) == last - first and bool((found[:, 0] == wanted).all())
-        return rows[:, self.cells.columns - nodes :].astype(np.int64) if good else None
+    @property
+    def main(self) -> Table:
+        """The cells whose vertices move."""
+        return dict(self.cells)[MAIN]
+
+    @property
+    def first_id(self) -> int:
+        """The id of the first of these: how many cells come before."""
+        before = [name for name, _ in self.cells].index(MAIN)
+        return sum(table.count for _, table in self.cells[:before])

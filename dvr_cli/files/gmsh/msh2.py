@@ -169,13 +169,13 @@ def chain(
         if room < 1:
             raise InputError(f"section ${name} ends early or declares too much: truncated or damaged")
         table = values[at : at + room * width].reshape(room, width)
-        tables.append(table[: _agreeing(table, [column for column in key if column < width])])
+        tables.append(table[: agreeing(table, [column for column in key if column < width])])
         at += tables[-1].size
         items += held * len(tables[-1])
     return tables, at
 
 
-def _agreeing(table: np.ndarray, key: list[int]) -> int:
+def agreeing(table: np.ndarray, key: list[int]) -> int:
     """The number of rows at the beginning of ``table`` that agree with the first in the ``key`` columns.
 
     Looks ahead in growing windows, so that many short chains cost no more than a long one.

@@ -57,7 +57,7 @@ def find_sections(data: bytes) -> Sections:
     others: list[str] = []
     end = 0
     while not _BLANK.match(data, end):
-        section = _next_section(data, end)
+        section = next_section(data, end)
         end = section.end
         key = _NAMES.get(section.name, section.name)
         if key in _VIEWS:
@@ -69,13 +69,30 @@ def find_sections(data: bytes) -> Sections:
     return Sections(once, views, others)
 
 
-def _next_section(data: bytes, at: int) -> Section:
+def opening_of(data: bytes, at: int) -> Section | None:
+    """The section that begins at ``at``, as if it filled the rest of the file, None behind the last one.
+
+    InputError for other text.
+    """
+    if _BLANK.match(data, at):
+        return None
+    match = _opening(data, at)
+    return Section(match[1].decode(), match.start(1) - 1, match.end(), len(data), len(data))
+
+
+def _opening(data: bytes, at: int) -> re.Match[bytes]:
     match = _OPENING.match(data, at)
     if match is None:
         if at == 0:
             raise InputError("not a Gmsh mesh: it does not begin with $MeshFormat")
         found = quoted(data[at : at + 40].split()[0])
         raise InputError(f"a section is expected where {found} stands: the file is truncated or damaged")
+    return match
+
+
+def next_section(data: bytes, at: int) -> Section:
+    """The section that begins at ``at``; InputError if none does, or has no end."""
+    match = _opening(data, at)
     name = match[1].decode()
     if name.upper().startswith("END"):
         raise InputError(f"${name} stands where no such section has begun: the file is damaged")

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import mmap
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.ranges import Ranges, Rows
+from dvr_cli.files.ranges import MAIN, Counted, Part, Ranges, Rows, Table
 from dvr_cli.files.vtk.scan import Scanner
 
 _TETRA, _NODES = 10, 4
@@ -46,18 +47,19 @@ def _found(scanner: Scanner) -> Ranges | None:
         return None
     scanner.word("CELLS")
     count, size = scanner.count(""), scanner.count("")
-    steps: tuple[tuple[Rows, int], ...] = ()
     if scanner.peek() == "offsets":
         count -= 1
         offsets = _integers(scanner, count + 1)
         cells = _integers(scanner, size, _NODES) if scanner.peek() == "connectivity" else None
         if offsets is None or cells is None or size != _NODES * count:
             return None
-        steps = ((offsets, _NODES),)
+        pairs = Rows(offsets.begin, offsets.dtype, 2, count, stride=offsets.step)  # where cells begin and end
+        sizes = Counted(pairs, (0, _NODES), _NODES)
     else:
         if size != (_NODES + 1) * count or not count:
             return None
         cells = Rows(scanner.extent("int", size, "")[0], ">i4", _NODES + 1, count)
+        sizes = Counted(replace(cells, columns=1, stride=cells.step), (_NODES,))
     if scanner.peek() != "cell_types":
         return None
     scanner.word("CELL_TYPES")
@@ -66,7 +68,8 @@ def _found(scanner: Scanner) -> Ranges | None:
     types = Rows(scanner.extent("int", count, "")[0], ">i4", 1, count)
     if _OF_CELLS.search(scanner.data, scanner.position):
         return None
-    return Ranges(points, "tetra", cells, ((types, _TETRA),), steps)
+    part = Part(cells, (Counted(types, (_TETRA,)), sizes))
+    return Ranges(Table((Part(points),)), ((MAIN, Table((part,))),))
 
 
 def _integers(scanner: Scanner, count: int, columns: int = 1) -> Rows | None:

@@ -217,6 +217,11 @@ def points_element(piece: Element, n_points: int) -> Element | None:
     return arrays[0] if n_points else None
 
 
+def piece_arrays(piece: Element, where: str) -> list[Element]:
+    """The arrays in a piece's PointData, CellData or the like."""
+    return [array for part in piece.named(where) for array in part.children]
+
+
 def _coordinates(layout: Layout, piece: Element, n_points: int) -> np.ndarray:
     element = points_element(piece, n_points)
     if element is None:
@@ -239,13 +244,13 @@ def _points_of(layout: Layout) -> list[PiecePoints]:
             result.append(PiecePoints(element, layout.array(element, "Points"), stored, first, first + n))
         first += n
     for points in result:
-        for element, begin in _appended_arrays(layout):
+        for element, begin in appended_arrays(layout):
             if element is not points.element and points.stored.begin <= begin < points.stored.end:
                 raise InputError("the coordinates share their bytes with another array")
     return result
 
 
-def _appended_arrays(layout: Layout) -> list[tuple[Element, int]]:
+def appended_arrays(layout: Layout) -> list[tuple[Element, int]]:
     """The elements of arrays among the appended data, and where in the file each begins."""
     if layout.appended is None:
         return []
@@ -259,7 +264,7 @@ def _appended_arrays(layout: Layout) -> list[tuple[Element, int]]:
 def _shifts(layout: Layout, moved: list[tuple[int, int]]) -> list[Edit]:
     """New offsets of the appended arrays behind those that begin at moved[i][0] and grew by moved[i][1]."""
     edits = []
-    for element, begin in _appended_arrays(layout) if any(by for _, by in moved) else ():
+    for element, begin in appended_arrays(layout) if any(by for _, by in moved) else ():
         by = sum(by for at, by in moved if at < begin)
         if by:
             place = attribute_place(layout.data, element, "offset")
@@ -277,7 +282,7 @@ def _exactly(layout: Layout, array: StoredArray, stored: Stored) -> np.ndarray:
 def _data(layout: Layout, piece: Element, where: str, rows: int) -> dict[str, np.ndarray]:
     """The arrays of numbers in a piece's PointData or CellData: (rows,) or (rows, components) by name."""
     result = {}
-    for element in [array for part in piece.named(where) for array in part.children]:
+    for element in piece_arrays(piece, where):
         name = element.attributes.get("Name", "")
         if not is_numeric(element) or not name:
             continue
@@ -323,7 +328,7 @@ def _unread(layout: Layout, on_points: set[str], on_cells: set[str]) -> list[str
         for e in part.children
     )
     for where, known in (("PointData", on_points), ("CellData", on_cells)):
-        arrays = [e for piece in layout.pieces for part in piece.named(where) for e in part.children]
+        arrays = [array for piece in layout.pieces for array in piece_arrays(piece, where)]
         for array in arrays:
             name = array.attributes.get("Name", "")
             if name not in known:

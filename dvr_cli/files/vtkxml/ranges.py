@@ -1,0 +1,105 @@
+"""The byte ranges of VTU files with raw appended arrays that are not compressed: tetrahedra in one piece."""
+
+from __future__ import annotations
+
+import mmap
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from dvr_cli.errors import InputError
+from dvr_cli.files.ranges import MAIN, Counted, Part, Ranges, Rows, Table
+from dvr_cli.files.vtkxml.arrays import is_numeric
+from dvr_cli.files.vtkxml.layout import Layout, count_of, layout_of
+from dvr_cli.files.vtkxml.source import appended_arrays, piece_arrays, points_element
+from dvr_cli.files.xml_places import Element
+
+_TETRA, _NODES = 10, 4
+_APPENDED = re.compile(rb"<AppendedData[^>]*>\s*_")
+_END = b"</AppendedData>"
+_TAIL = 1 << 10  # bytes of the end of a file among which the appended data end
+
+
+def ranges_of(path: Path) -> Ranges | None:
+    """The ranges of the file at ``path``, None where a process has to read it whole; raises OSError.
+
+    Only what is in front of the appended data is read, and the header of each array.
+    """
+    with path.open("rb") as file:
+        data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)  # views of it may outlive an error
+    begin = _APPENDED.search(data)
+    end = data.rfind(_END, max(0, len(data) - _TAIL))
+    if begin is None or end < 0:
+        return None
+    try:
+        layout = layout_of(data[: begin.end()] + _END, "UnstructuredGrid", "vtu")
+        if layout.appended is None or layout.appended[0] != begin.end() or layout.appended[2]:
+            return None
+        return _found(_Raw(cast(bytes, data), replace(layout, appended=(begin.end(), end, False))))
+    except InputError:  # whoever reads the file whole will say why
+        return None
+
+
+def _found(raw: _Raw) -> Ranges | None:
+    layout = raw.layout
+    if layout.coding.compressor is not None or len(layout.pieces) != 1:
+        return None
+    (piece,) = layout.pieces
+    n, count = count_of(piece, "NumberOfPoints"), count_of(piece, "NumberOfCells")
+    place = points_element(piece, n)
+    if not n or not count or place is None or piece_arrays(piece, "CellData"):
+        return None
+    if place.attributes.get("NumberOfComponents") != "3":
+        return None
+    points = raw.rows(place, 3, n, "f")
+    wanted = ("connectivity", _NODES), ("offsets", 1), ("types", 1)
+    cells, ends, types = (raw.rows(_named(piece, name), columns, count, "iu") for name, columns in wanted)
+    fields = [raw.rows(array, _components(array), n, "iuf") for array in piece_arrays(piece, "PointData")]
+    if points is None or cells is None or ends is None or types is None or None in fields:
+        return None
+    begin, end = raw.begin(place), points.offset(n)
+    shared = [e for e, at in appended_arrays(layout) if e is not place and begin <= at < end]
+    if np.dtype(points.dtype).itemsize != 8 or shared:
+        return None
+    part = Part(cells, (Counted(types, (_TETRA,)), Counted(ends, (_NODES,), _NODES)))
+    return Ranges(Table((Part(points),)), ((MAIN, Table((part,))),))
+
+
+class _Raw(NamedTuple):
+    """The raw appended arrays of a file, with its layout."""
+
+    data: bytes
+    layout: Layout
+
+    def begin(self, element: Element) -> int:
+        """The place of the header of an array."""
+        return self.layout.array(element, "").begin
+
+    def rows(self, element: Element | None, columns: int, count: int, kinds: str) -> Rows | None:
+        """The rows of an array, None if it is not there, of another kind of number or another size."""
+        layout = self.layout
+        if element is None or element.attributes.get("format") != "appended" or not is_numeric(element):
+            return None
+        array, header = layout.array(element, ""), layout.coding.header
+        first, size = array.begin + header.itemsize, columns * count * array.dtype.itemsize
+        if array.dtype.kind not in kinds or first + size > array.limit:
+            return None
+        if int(np.frombuffer(self.data, header, 1, array.begin)[0]) != size:
+            return None
+        return Rows(first, array.dtype.newbyteorder(layout.coding.order).str, columns, count)
+
+
+def _named(piece: Element, name: str) -> Element | None:
+    """The array of the cells with this name, None if it is not there once."""
+    arrays = piece_arrays(piece, "Cells")
+    found = [array for array in arrays if array.attributes.get("Name", "").lower() == name]
+    return found[0] if len(found) == 1 else None
+
+
+def _components(array: Element) -> int:
+    """How many numbers an array has for each point, 0 where that is not said rightly."""
+    text = array.attributes.get("NumberOfComponents", "1")
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 9 else 0
