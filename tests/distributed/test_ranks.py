@@ -74,9 +74,10 @@ def commands_of(folder, runs, *more, write=write):
     write: makes the file of a mesh by folder and name.
     """
     engine = ["--engine", "numpy", "--quiet", *more]
+    paths = [write(folder, name) for name, _ in runs]
     return [
-        ["smooth", str(write(folder, name)), f"{i}.vtk", *options.split(), *engine]
-        for i, (name, options) in enumerate(runs)
+        ["smooth", str(path), f"{i}{path.suffix}", *options.split(), *engine]
+        for i, (path, (_, options)) in enumerate(zip(paths, runs, strict=True))
     ]
 
 

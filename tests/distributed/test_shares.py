@@ -13,10 +13,9 @@ from test_ranks import in_one_process, job, without_times
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.shares import takes
 from dvr_cli.cli.main import main
-from dvr_cli.files.ranges import Rows
-from dvr_cli.files.reading import open_mesh
-from dvr_cli.files.vtk.ranges import ranges_of
-from meshes import delaunay, random_mesh
+from dvr_cli.files.formats import formats_by_suffix
+from meshes import random_mesh
+from ranged_files import FILES, gmsh_22, write_ranged
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 # name of a mesh, and options
@@ -30,13 +29,22 @@ RUNS = (
     ("orphans", "-d random -n 2 --tol 0"),
     ("hull", "-d random -n 30"),  # the worst is on the boundary
     ("positive", "-d random -n 2 --no-report"),
+    ("41.msh", "-d random,steepest -n 2 --tol 0"),
+    ("22.msh", "-d random -n 60 --tol 1e-3"),
+    ("raw.vtu", "-d random -n 2 --tol 0"),
 )
+
+
+def ranges_of(path):
+    return formats_by_suffix(path)[0].ranges_of(path)
 
 
 def write(folder, name):
     """The file of a mesh, binary VTK with coordinates in 64 bits."""
     if name == "hull":
         return SAMPLES / "random_cube.vtk"
+    if name in FILES:
+        return write_ranged(folder, name)
     mesh = random_mesh("tetra", 1, n=5, noise=0.25)
     points, cells = mesh.points, mesh.cells[0].vertices
     if name == "inside-out":
@@ -67,7 +75,8 @@ def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, seri
     assert (done.returncode, done.stderr) == (0, "")
     assert set(ends) == {0}
     for i, run in enumerate(RUNS):
-        assert (tmp_path / f"{i}.vtk").read_bytes() == (serial / f"{i}.vtk").read_bytes(), run
+        (here,), (there,) = (list(where.glob(f"{i}.[mv]*")) for where in (tmp_path, serial))
+        assert here.read_bytes() == there.read_bytes(), run
         if "--no-report" not in run[1]:
             reports = [(where / f"{i}.quality.json").read_bytes() for where in (tmp_path, serial)]
             assert without_times(reports[0]) == without_times(reports[1]), run
@@ -78,7 +87,10 @@ def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, seri
 
 
 def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
-    """A mesh with layers, one with inverted cells, one with a cell twice: a rank has them whole."""
+    """A mesh with layers, one with inverted cells, one with a cell twice: a rank has them whole.
+
+    Of Gmsh's files one with a triangle twice, as for each of its groups.
+    """
     tall = random_mesh("tetra", 1, n=5, noise=0.1)
     flat = tall.points * [1.0, 1.0, 0.02]
     tangled = random_mesh("tetra", 1, n=4, noise=0.6)
@@ -89,14 +101,21 @@ def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
     commands = []
     for name, (points, cells) in meshes.items():
         meshio.Mesh(points, [("tetra", cells)]).write(tmp_path / f"{name}.vtk")
-        commands.append(["smooth", f"{name}.vtk", f"{name}-out.vtk", "-d", "random", "-n", "2"])
+        commands.append(
+            ["smooth", str(tmp_path / f"{name}.vtk"), f"{name}-out.vtk", "-d", "random", "-n", "2"]
+        )
         commands[-1] += ["--engine", "numpy", "--quiet"]
+    (tmp_path / "groups.msh").write_bytes(gmsh_22(plain, again="triangle"))
+    (tmp_path / "volumes.msh").write_bytes(gmsh_22(plain, again="tetra"))
+    for name in "groups", "volumes":
+        commands.append(["smooth", str(tmp_path / f"{name}.msh"), f"{name}-out.msh", *commands[-1][3:]])
     done, ends = job(on_ranks, 3, tmp_path, [[*command, "--mpi"] for command in commands])
-    assert (done.stderr, ends) == ("", [0, 0, 0])
-    for name, command in zip(meshes, commands, strict=True):
-        alone = tmp_path / "alone.vtk"
-        assert main([command[0], str(tmp_path / command[1]), str(alone), *command[3:]]) == 0
-        assert alone.read_bytes() == (tmp_path / f"{name}-out.vtk").read_bytes()
+    assert (done.stderr, ends) == ("", [0] * 5)
+    (tmp_path / "alone").mkdir()
+    assert in_one_process(tmp_path / "alone", commands) == ends
+    for path in (tmp_path / "alone").iterdir():
+        here = (tmp_path / path.name).read_bytes()
+        assert without_times(here) == without_times(path.read_bytes()), path.name
     kept = json.loads((tmp_path / "layers-out.quality.json").read_text())["shape"]["kept"]
     assert kept > 0
 
@@ -114,22 +133,41 @@ def test_a_mesh_is_replaced_by_its_result(tmp_path, on_ranks):
 def test_a_damaged_file_is_one_line(tmp_path, on_ranks):
     """Cells that name no vertex, an offset that is wrong, a file that ends too soon."""
     path = write(tmp_path, "positive")
-    whole, ranges = path.read_bytes(), ranges_of(path)
+    whole, (part,) = path.read_bytes(), ranges_of(path).main.parts
+    cells = part.rows
     number = bytearray(whole)
-    number[ranges.cells.offset(20) : ranges.cells.offset(20) + 8] = (10**6).to_bytes(8, "big")
+    number[cells.offset(20) : cells.offset(20) + 8] = (10**6).to_bytes(8, "big")
     offset = bytearray(whole)
-    start = ranges.steps[0][0].offset(5)
+    start = part.sure[1].rows.offset(5)
     offset[start : start + 8] = (3).to_bytes(8, "big")
-    damaged = {"number": bytes(number), "offset": bytes(offset), "end": whole[:-30]}
+    damaged = {"number.vtk": bytes(number), "offset.vtk": bytes(offset), "end.vtk": whole[:-30]}
+    damaged |= damaged_files(tmp_path)
     for name, data in damaged.items():
-        (tmp_path / f"{name}.vtk").write_bytes(data)
+        (tmp_path / name).write_bytes(data)
     words = ["-d", "random", "--engine", "numpy", "--mpi"]
-    done, ends = job(
-        on_ranks, 3, tmp_path, [["smooth", f"{name}.vtk", "out.vtk", *words] for name in damaged]
-    )
-    assert ends == [3, 3, 3]
-    assert [name in line for name, line in zip(damaged, done.stderr.splitlines(), strict=True)] == [True] * 3
+    commands = [["smooth", name, f"out{Path(name).suffix}", *words] for name in damaged]
+    done, ends = job(on_ranks, 3, tmp_path, commands)
+    assert ends == [3] * len(damaged)
+    lines = zip(damaged, done.stderr.splitlines(), strict=True)
+    assert [f" {name}: " in line for name, line in lines] == [True] * len(damaged)
     assert not list(tmp_path.glob("out*"))
+
+
+def damaged_files(folder):
+    """Files that look whole at first: a number in the middle of an array is wrong, or the end is cut off."""
+    found = {}
+    for name in "41.msh", "22.msh", "raw.vtu":
+        path = write_ranged(folder, name)
+        whole, ranges = path.read_bytes(), ranges_of(path)
+        cells = ranges.main.parts[0].rows
+        size = np.dtype(cells.dtype).itemsize
+        at = cells.offset(9) + (cells.columns - 1) * size
+        found[f"number-{name}"] = whole[:at] + (10**6).to_bytes(size, "little") + whole[at + size :]
+        found[f"cut-{name}"] = whole[:-40]
+    at = ranges_of(folder / "41.msh").points.parts[1].sure[0].rows.offset(3)
+    whole = (folder / "41.msh").read_bytes()
+    found["tag-41.msh"] = whole[:at] + bytes(8) + whole[at + 8 :]
+    return found
 
 
 @pytest.mark.parametrize("fault", ["a full disk", "a rank fails to send", "interrupted"])
@@ -152,42 +190,6 @@ def test_a_job_that_ends_early_leaves_nothing_half_written(tmp_path, on_ranks, f
     else:
         assert (done.returncode != 0, ends) == (True, None)
         assert "dvr: internal error on rank 2: MemoryError: nothing left" in done.stderr
-
-
-@pytest.mark.parametrize("version", ["vtk", "vtk42"])
-def test_ranges_are_those_of_the_arrays(tmp_path, version):
-    mesh, path = delaunay(30, 3, 2), tmp_path / "mesh.vtk"
-    meshio.Mesh(mesh.points, [("tetra", mesh.cells[0].vertices)]).write(path, file_format=version)
-    ranges, read = ranges_of(path), open_mesh(path).mesh
-    assert (ranges.points.count, ranges.cells.count) == (30, len(mesh.cells[0].vertices))
-    np.testing.assert_array_equal(ranges.points.read(path, 3, 9), read.points[3:9])
-    np.testing.assert_array_equal(ranges.cells_of(path, 4, 8, 4), read.cells[0].vertices[4:8])
-
-
-def test_other_files_have_no_ranges(tmp_path):
-    """Text, coordinates in 32 bits, data of cells, other cells: a rank reads those."""
-    mesh, path = delaunay(30, 3, 2), tmp_path / "mesh.vtk"
-    cells = [("tetra", mesh.cells[0].vertices)]
-    meshio.Mesh(mesh.points, cells).write(path, binary=False)
-    assert ranges_of(path) is None
-    meshio.Mesh(mesh.points.astype(np.float32), cells).write(path)
-    assert ranges_of(path) is None
-    data = {"material": [np.arange(len(cells[0][1]))]}
-    meshio.Mesh(mesh.points, cells, cell_data=data).write(path)
-    assert ranges_of(path) is None
-    meshio.Mesh(mesh.points, [*cells, ("triangle", cells[0][1][:2, :3])]).write(path)
-    assert ranges_of(path) is None
-    hexahedra = random_mesh("hexahedron", 1)
-    meshio.Mesh(hexahedra.points, [("hexahedron", hexahedra.cells[0].vertices)]).write(path)
-    assert ranges_of(path) is None
-
-
-def test_rows_beyond_the_end_are_not_there(tmp_path):
-    path = tmp_path / "rows"
-    path.write_bytes(b"head" + np.arange(6, dtype=">i4").tobytes())
-    rows = Rows(4, ">i4", 2, 3)
-    assert rows.read(path, 1, 3).tolist() == [[2, 3], [4, 5]]
-    assert rows.read(path, 2, 5).tolist() == [[4, 5]]
 
 
 def test_runs_that_need_the_whole_mesh_are_not_taken():

@@ -1,0 +1,156 @@
+"""Byte ranges of files: where they are found, each process reads what a process reads that has the whole."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from types import SimpleNamespace
+
+import meshio
+import numpy as np
+import pytest
+
+from dvr_cli.distributed.share_reading import Read, read_share
+from dvr_cli.errors import InputError
+from dvr_cli.files.formats import formats_by_suffix
+from dvr_cli.files.ranges import Rows
+from dvr_cli.files.reading import open_mesh
+from fuzz import COUNTS, mutated
+from meshes import delaunay, random_mesh
+from ranged_files import FILES, gmsh_41, raw_vtu, write_ranged
+
+GMSH = [name for name in FILES if name.endswith("msh")]
+
+
+def ranges_of(path: Path):
+    return formats_by_suffix(path)[0].ranges_of(path)
+
+
+def read_by(ranks: int, path: Path, ranges) -> list[Read | None]:
+    """What each of some ranks reads."""
+    return [read_share(SimpleNamespace(rank=rank, size=ranks), path, ranges) for rank in range(ranks)]
+
+
+def tags_of(read: Read, of_type: int) -> list[tuple[int, ...]]:
+    known, which = read.kinds[of_type]
+    return [known[kind] for kind in which]
+
+
+def agree(path: Path, ranges, ranks: int = 3) -> None:
+    """The ranks together have the mesh that one process reads."""
+    parts, mesh = read_by(ranks, path, ranges), open_mesh(path).mesh
+    np.testing.assert_array_equal(np.concatenate([part.points for part in parts]), mesh.points)
+    blocks = [block for block in mesh.cells if len(block.vertices)]
+    assert [name for name, _ in ranges.cells] == [block.type for block in blocks]
+    for t, block in enumerate(blocks):
+        np.testing.assert_array_equal(np.concatenate([part.cells[t] for part in parts]), block.vertices)
+        tags = [tag for part in parts for tag in tags_of(part, t)]
+        data = [mesh.cell_data[name][t] for name in ranges.names]
+        assert tags == [tuple(int(column[i]) for column in data) for i in range(len(block.vertices))]
+    assert ranges.first_id == sum(len(b.vertices) for b in blocks[: [b.type for b in blocks].index("tetra")])
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_processes_together_read_the_mesh(tmp_path, name):
+    path = write_ranged(tmp_path, name)
+    ranges = ranges_of(path)
+    assert ranges is not None
+    for ranks in (1, 3, 7):
+        agree(path, ranges, ranks)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_rows_that_move_are_patched_and_no_other_byte(tmp_path, name):
+    """Whoever reads the patched file has the new coordinates, and everything else as before."""
+    path = write_ranged(tmp_path, name)
+    before, points, data = open_mesh(path).mesh, ranges_of(path).points, bytearray(path.read_bytes())
+    moved = before.points.copy()
+    moved[3:11] += 0.125
+    for first, last in (0, 5), (5, len(moved)):
+        done = first
+        for part, lo, hi in points.stretches(first, last):
+            new = part.rows.patched(path, lo, moved[done : done + hi - lo]).tobytes()
+            data[part.rows.offset(lo) : part.rows.offset(lo) + len(new)] = new
+            done += hi - lo
+        assert done == last
+    path.write_bytes(data)
+    after = open_mesh(path).mesh
+    np.testing.assert_array_equal(after.points, moved)
+    for old, new in zip(before.cells, after.cells, strict=True):
+        np.testing.assert_array_equal(old.vertices, new.vertices)
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("name", FILES)
+def test_of_damaged_files_processes_read_nothing_that_one_would_not(tmp_path, name, count):
+    path = write_ranged(tmp_path, name)
+    good = path.read_bytes()
+    read = 0
+    for data in mutated([good], count // 5, seed=7):
+        path.write_bytes(data)
+        ranges = ranges_of(path)
+        if ranges is None or None in read_by(2, path, ranges):
+            continue
+        try:
+            mesh = open_mesh(path).mesh
+        except InputError as error:
+            raise AssertionError(f"only ranks read it: {error}") from error
+        if ranges.once and sum(map(len, (b.vertices for b in mesh.cells))) < sum(
+            table.count for _, table in ranges.cells
+        ):
+            continue  # cells that are there twice are found when ranks have their cells
+        agree(path, ranges, 2)
+        read += 1
+    assert read > 0
+
+
+def test_files_with_more_than_that_are_read_by_one_process(tmp_path):
+    """Text, 32 bits, data of cells, other cells, nodes in another order, several groups, links, fields."""
+    mesh, path = delaunay(30, 3, 2), tmp_path / "mesh.vtk"
+    cells = [("tetra", mesh.cells[0].vertices)]
+    data = {"material": [np.arange(len(cells[0][1]))]}
+    hexahedra = random_mesh("hexahedron", 1)
+    others = (
+        (meshio.Mesh(mesh.points, cells), {"binary": False}),
+        (meshio.Mesh(mesh.points.astype(np.float32), cells), {}),
+        (meshio.Mesh(mesh.points, cells, cell_data=data), {}),
+        (meshio.Mesh(mesh.points, [*cells, ("triangle", cells[0][1][:2, :3])]), {}),
+        (meshio.Mesh(hexahedra.points, [("hexahedron", hexahedra.cells[0].vertices)]), {}),
+    )
+    for other, how in others:
+        other.write(path, **how)
+        assert ranges_of(path) is None
+    path = tmp_path / "mesh.msh"
+    for how in (
+        {"groups": 2},
+        {"parametric": 1},
+        {"more": b"$Periodic\n" + struct.pack("<q", 0) + b"\n$EndPeriodic\n"},
+    ):
+        path.write_bytes(gmsh_41(mesh, **how))
+        assert open_mesh(path).mesh.cells
+        assert ranges_of(path) is None, how
+    path.write_bytes(gmsh_41(mesh, tags=np.arange(30, 0, -1)))
+    assert read_by(2, path, ranges_of(path)) == [None, None]
+    path = tmp_path / "mesh.vtu"
+    raw_vtu(path, mesh, cell_field=True)
+    assert open_mesh(path).mesh.cell_data
+    assert ranges_of(path) is None
+    for other in (
+        tmp_path / "empty.vtk",
+        tmp_path / "empty.msh",
+        tmp_path / "empty.vtu",
+        tmp_path / "text.stl",
+    ):
+        other.write_bytes(b"")
+        assert ranges_of(other) is None
+
+
+def test_rows_beyond_the_end_are_not_there(tmp_path):
+    path = tmp_path / "rows"
+    path.write_bytes(b"head" + np.arange(6, dtype=">i4").tobytes())
+    rows = Rows(4, ">i4", 2, 3)
+    assert rows.read(path, 1, 3).tolist() == [[2, 3], [4, 5]]
+    assert rows.read(path, 2, 5).tolist() == [[4, 5]]
+    spread = Rows(4, ">i4", 1, 3, stride=8)
+    assert spread.read(path, 0, 3).tolist() == [[0], [2], [4]]
+    assert spread.read(path, 2, 5).tolist() == [[4]]

@@ -1,0 +1,163 @@
+"""Files of which processes can read ranges: binary VTK, Gmsh 2.2 and 4.1, raw VTU, written by hand.
+
+Two halves of a box of tetrahedra, as two entities; in Gmsh's files with triangles, lines and points on its
+boundary and between them, in physical groups.
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import meshio
+import numpy as np
+
+from dvr_cli.mesh.mesh import Mesh
+from meshes import random_mesh
+
+FILES = ("5.1.vtk", "4.2.vtk", "41.msh", "41-big.msh", "22.msh", "22-batches.msh", "raw.vtu", "raw-big.vtu")
+_CODES = {"vertex": 15, "line": 1, "triangle": 2, "tetra": 4}
+
+
+def write_ranged(folder: Path, name: str) -> Path:
+    """The file of this name, one of FILES."""
+    mesh, path = random_mesh("tetra", 1, n=4, noise=0.2), folder / name
+    order = ">" if "big" in name else "<"
+    if path.suffix == ".vtk":
+        blocks = [("tetra", mesh.cells[0].vertices)]
+        meshio.Mesh(mesh.points, blocks).write(path, file_format={"5": "vtk", "4": "vtk42"}[name[0]])
+    elif path.suffix == ".vtu":
+        raw_vtu(path, mesh, order)
+    elif name.startswith("41"):
+        path.write_bytes(gmsh_41(mesh, order))
+    else:
+        path.write_bytes(gmsh_22(mesh, order, batches="batches" in name))
+    return path
+
+
+def blocks_of(mesh: Mesh) -> list[tuple[str, int, int, np.ndarray]]:
+    """The type, physical group, entity and cells of each block, from the points to the two halves."""
+    cells = mesh.cells[0].vertices
+    left = mesh.points[cells].mean(axis=1)[:, 0] < 0.5
+    halves = cells[left], cells[~left]
+    facets = [_facets(half) for half in halves]
+    between = np.array([row for row in facets[0].tolist() if row in facets[1].tolist()]).reshape(-1, 3)
+    sides = [np.array([row for row in some.tolist() if row not in between.tolist()]) for some in facets]
+    return [
+        ("vertex", 9, 1, sides[0][:1, :1]),
+        ("line", 3, 1, np.unique(sides[0][:9, :2], axis=0)),
+        ("triangle", 1, 1, sides[0]),
+        ("triangle", 2, 2, sides[1]),
+        ("triangle", 0, 3, between),
+        ("tetra", 5, 1, halves[0]),
+        ("tetra", 4, 2, halves[1]),
+    ]
+
+
+def _facets(cells: np.ndarray) -> np.ndarray:
+    """The facets that one cell has."""
+    rows = np.sort(np.concatenate([np.delete(cells, k, axis=1) for k in range(4)]), axis=1)
+    rows, counts = np.unique(rows, axis=0, return_counts=True)
+    return rows[counts == 1]
+
+
+def gmsh_22(mesh: Mesh, order: str = "<", batches: bool = False, again: str = "") -> bytes:
+    """An MSH 2.2 file; each element has a header, as Gmsh writes them, or each block.
+
+    again: the type of an element that is there twice, for two groups.
+    """
+    n = len(mesh.points)
+    nodes = np.zeros(n, [("tag", f"{order}i4"), ("xyz", f"{order}f8", 3)])
+    nodes["tag"], nodes["xyz"] = np.arange(1, n + 1), mesh.points
+    body, number = b"", 1
+    blocks = [block for block in blocks_of(mesh) for _ in range(1 + (block[0] == again and block[2] == 1))]
+    for name, physical, entity, cells in blocks:
+        numbers = np.arange(number, number + len(cells))
+        number += len(cells)
+        tags = np.broadcast_to([physical, entity], (len(cells), 2))
+        rows = np.hstack([numbers[:, None], tags, cells + 1]).astype(f"{order}i4")
+        if batches:
+            body += struct.pack(f"{order}3i", _CODES[name], len(cells), 2) + rows.tobytes()
+        else:
+            head = np.broadcast_to([_CODES[name], 1, 2], (len(cells), 3))
+            body += np.hstack([head, rows]).astype(f"{order}i4").tobytes()
+    head = b"$MeshFormat\n2.2 1 8\n" + struct.pack(f"{order}i", 1) + b"\n$EndMeshFormat\n"
+    head += b'$PhysicalNames\n1\n3 5 "left"\n$EndPhysicalNames\n'
+    head += b"$Nodes\n%d\n" % n + nodes.tobytes() + b"\n$EndNodes\n"
+    return head + b"$Elements\n%d\n" % (number - 1) + body + b"\n$EndElements\n"
+
+
+def gmsh_41(
+    mesh: Mesh,
+    order: str = "<",
+    tags: np.ndarray | None = None,
+    groups: int = 1,
+    parametric: int = 0,
+    more: bytes = b"",
+) -> bytes:
+    """An MSH 4.1 file; its nodes in two blocks.
+
+    tags: (n,) of the nodes. groups: that the first volume is in. parametric: whether the nodes of the first
+    block have a parameter. more: sections at the end.
+    """
+    n, pack = len(mesh.points), lambda kinds, *values: struct.pack(order + kinds, *values)
+    tags = np.arange(1, n + 1) if tags is None else tags
+    number = np.zeros(n + 1, dtype=np.int64)
+    number[:n] = tags
+    blocks = blocks_of(mesh)
+    dimension = {"vertex": 0, "line": 1, "triangle": 2, "tetra": 3}
+    entities = pack("4q", *(sum(dimension[name] == d for name, *_ in blocks) for d in range(4)))
+    for name, physical, entity, _ in blocks:
+        of_entity = [physical, 7][:groups] if (name, entity) == ("tetra", 1) else [physical] * (physical > 0)
+        entities += pack("i", entity) + bytes(8 * (3 if name == "vertex" else 6)) + pack("q", len(of_entity))
+        entities += b"".join(pack("i", group) for group in of_entity)
+        entities += b"" if name == "vertex" else pack("q", 0)
+    cut = n // 3
+    nodes = pack("4q", 2, n, 1, n)
+    for entity, some in (1, slice(0, cut)), (2, slice(cut, n)):
+        flag = parametric if entity == 1 else 0
+        points = np.pad(mesh.points[some], ((0, 0), (0, flag)))
+        nodes += pack("3iq", 1 if flag else 3, entity, flag, len(points))
+        nodes += tags[some].astype(f"{order}i8").tobytes() + points.astype(f"{order}f8").tobytes()
+    elements, done = b"", 0
+    for name, _, entity, cells in blocks:
+        rows = np.hstack([done + 1 + np.arange(len(cells))[:, None], number[cells]]).astype(f"{order}i8")
+        elements += pack("3iq", dimension[name], entity, _CODES[name], len(cells)) + rows.tobytes()
+        done += len(cells)
+    elements = pack("4q", len(blocks), done, 1, done) + elements
+    bodies = {"MeshFormat": b"4.1 1 8\n" + pack("i", 1), "Entities": entities}
+    bodies |= {"Nodes": nodes, "Elements": elements}
+    sections = [b"$%b\n%b\n$End%b\n" % (name.encode(), body, name.encode()) for name, body in bodies.items()]
+    return b"".join(sections) + more
+
+
+def raw_vtu(path: Path, mesh: Mesh, order: str = "<", cell_field: bool = False) -> None:
+    """Write a VTU file with raw appended arrays, a field on its points, and one on its cells if wanted."""
+    cells = mesh.cells[0].vertices
+    header = np.dtype(f"{order}u8" if order == "<" else f"{order}u4")
+    arrays = {
+        "Points": ("Float64", 3, mesh.points.astype(f"{order}f8")),
+        "u": ("Float32", 1, mesh.points[:, 0].astype(f"{order}f4")),
+        "material": ("Int32", 1, np.arange(len(cells)).astype(f"{order}i4") % 2),
+        "connectivity": ("Int64", 1, cells.astype(f"{order}i8")),
+        "offsets": ("Int32", 1, (4 * np.arange(1, len(cells) + 1)).astype(f"{order}i4")),
+        "types": ("UInt8", 1, np.full(len(cells), 10, np.uint8)),
+    }
+    tags, data = {}, b""
+    for name, (kind, components, values) in arrays.items():
+        tags[name] = (
+            f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}" '
+            f'format="appended" offset="{len(data)}"/>'
+        )
+        data += np.array([values.nbytes], header).tobytes() + values.tobytes()
+    words = "LittleEndian" if order == "<" else "BigEndian"
+    text = (
+        f'<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{words}" '
+        f'header_type="UInt{8 * header.itemsize}">\n<UnstructuredGrid>'
+        f'<Piece NumberOfPoints="{len(mesh.points)}" NumberOfCells="{len(cells)}">\n'
+        f"<PointData>{tags['u']}</PointData>\n<CellData>{tags['material'] if cell_field else ''}</CellData>\n"
+        f"<Points>{tags['Points']}</Points>\n"
+        f"<Cells>{tags['connectivity']}{tags['offsets']}{tags['types']}</Cells>\n"
+        '</Piece></UnstructuredGrid>\n<AppendedData encoding="raw">\n_'
+    )
+    path.write_bytes(text.encode() + data + b"\n</AppendedData>\n</VTKFile>\n")
