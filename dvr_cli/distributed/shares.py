@@ -47,7 +47,7 @@ class Kinds(NamedTuple):
 
     @property
     def sizes(self) -> list[int]:
-        """How many vertices the cells of each kind have."""
+        """The number of vertices of the cells of each kind."""
         return [CELL_TYPES[name].nodes for name in self.types]
 
     def mesh(self, points: np.ndarray, cells: CellRows, lower: CellRows) -> Mesh:

@@ -108,7 +108,7 @@ class Table:
 
     @cached_property
     def count(self) -> int:
-        """How many rows there are."""
+        """The number of rows."""
         return sum(part.rows.count for part in self.parts)
 
     def stretches(self, first: int, last: int) -> Iterator[tuple[Part, int, int]]:

@@ -100,6 +100,6 @@ def _named(piece: Element, name: str) -> Element | None:
 
 
 def _components(array: Element) -> int:
-    """How many numbers an array has for each point, 0 where that is not said rightly."""
+    """The count of numbers that an array has for each point, 0 where that is not said rightly."""
     text = array.attributes.get("NumberOfComponents", "1")
     return int(text) if text.isascii() and text.isdigit() and len(text) < 9 else 0
