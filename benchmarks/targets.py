@@ -1,4 +1,5 @@
-"""Target shapes: what looking for layers and targets of their own cost, what is reached in a metric."""
+"""Target shapes: what looking for layers and targets of their own cost, what set-up costs with that, what is
+reached in a metric."""
 
 from __future__ import annotations
 
@@ -9,10 +10,21 @@ import numpy as np
 
 import dvr_cli
 import meshes
-from common import domain_for, engine_for, fastest, print_table, random_directions, sweep_all, times, warm_up
+from common import (
+    Contender,
+    domain_for,
+    engine_for,
+    fastest,
+    print_table,
+    random_directions,
+    sweep_all,
+    times,
+    warm_up,
+)
 from dvr_cli.api.shapes import shaped
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.quality.measure import measure
 from dvr_cli.quality.stretching import coherent
 
 _SWEEPS = 5
@@ -33,6 +45,18 @@ def run(quick: bool) -> None:
     header = ["elements", "cells", "kept", "ms to look for layers", "in sweeps"]
     header += ["µs per update, ideal", "own shapes", "in a metric"]
     print_table("Targets: CPU time, one thread", header, rows)
+    tables = [
+        _set_up(kind, make(size))
+        for kind, make, sizes in (
+            ("triangles", meshes.random_triangles, (10_000, 60_000)),
+            ("tetrahedra", meshes.random_tets, (10_000, 60_000)),
+            ("hexahedra", meshes.shaken_hexes, (21, 39)),
+        )
+        for size in (sizes[:1] if quick else sizes)
+    ]
+    header = ["elements", "vertices", "domain", "search for layers", "measure", "problem", "engine"]
+    header += ["set-up in all", "in whole sweeps"]
+    print_table("Set-up in sweeps of vertex updates: CPU time, one thread", header, tables)
     rows = [
         *_reached("triangles", meshes.random_triangles(2000)),
         *_reached("tetrahedra", meshes.random_tets(3000)),
@@ -66,6 +90,34 @@ def _row(kind: str, mesh: Mesh) -> list[object]:
         micro["ideal"],
         *(times(micro["ideal"], micro[name]) for name in ("input", "metric")),
     ]
+
+
+def _set_up(kind: str, mesh: Mesh) -> list[object]:
+    """What each part of the set-up costs in sweeps of vertex updates, the quickest of some rounds each."""
+    contender = fastest(), 1
+    warm_up(mesh, contender)
+    *parts, rest, sweep = np.min([_set_up_seconds(mesh, contender) for _ in range(_ROUNDS)], axis=0).tolist()
+    in_all = sum(parts)
+    return [kind, len(mesh.points), *(part / sweep for part in (*parts, in_all)), in_all / (rest + sweep)]
+
+
+def _set_up_seconds(mesh: Mesh, contender: Contender) -> list[float]:
+    """CPU seconds of each part of the set-up, of the directions and Q1 of a sweep, and of its updates."""
+    clock = [time.process_time()]
+    domain = domain_for(mesh, contender)
+    clock.append(time.process_time())
+    shapes = shaped(domain, "auto")
+    clock.append(time.process_time())
+    measure(domain, mesh.points, np.flatnonzero(domain.interior), by_corner=shapes.own_quality)
+    clock.append(time.process_time())
+    engine = engine_for(domain, contender)
+    clock.append(time.process_time())
+    engine.load(domain.points)
+    engine.q1()
+    clock.append(time.process_time())
+    directions: list[np.ndarray] = []
+    rest = _cpu(lambda: directions.extend(random_directions(engine, _SWEEPS))) / _SWEEPS + _cpu(engine.q1)
+    return [*np.diff(clock).tolist(), rest, _cpu(lambda: sweep_all(engine, directions)) / _SWEEPS]
 
 
 def _reached(kind: str, mesh: Mesh) -> list[list[object]]:

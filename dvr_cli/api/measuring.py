@@ -42,7 +42,7 @@ def mesh_quality(
     else:
         shapes = shaped(domain, "auto")
     moves = usual_moves(mesh, domain, shapes.held)
-    quality = measure(domain, mesh.points, moves.relaxed, worst)
+    quality = measure(domain, mesh.points, moves.relaxed, worst, by_corner=shapes.quality)
     mode = "auto" if metric is None else "metric"
     stretched = ShapeUse(mode, shapes.kept, shapes.max_aspect) if shapes.kept or metric else None
     relative = measure(shapes.domain, mesh.points, moves.relaxed) if metric is None and shapes.kept else None

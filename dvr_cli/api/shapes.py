@@ -25,6 +25,7 @@ class Shaped:
     held: (N,) bool, the vertices of kept cells, which are not relaxed.
     targets: which cells have their own shape for it, None where none has.
     metric: the metric that the ideal shapes are seen in, None for the usual one.
+    quality: (C,) of the plain corners in the input, None where it was not needed or has no sign.
     """
 
     domain: Domain
@@ -32,6 +33,7 @@ class Shaped:
     held: np.ndarray
     targets: Targets | None = None
     metric: Metric | None = None
+    quality: np.ndarray | None = None
 
     @property
     def kept(self) -> int:
@@ -49,6 +51,11 @@ class Shaped:
     def kept_cells(self) -> np.ndarray | None:
         """(n,) bool: the cells that are kept as they are, None where there are none."""
         return None if self.targets is None or self.targets.max_aspect == 1.0 else self.targets.kept
+
+    @property
+    def own_quality(self) -> np.ndarray | None:
+        """(C,) of the corners of ``domain`` in the input, where it is that of the plain ones."""
+        return self.quality if self.domain is self.plain else None
 
     def corners_free_to_move(self) -> Corners:
         """The corners with the same targets, formed also where no vertex is relaxed."""
@@ -74,16 +81,20 @@ def shaped(domain: Domain, shape: str, tensors: np.ndarray | None = None) -> Sha
         return Shaped(replace(domain, corners=metric.corners), domain, nowhere, metric=metric)
     if shape == "ideal":
         return Shaped(domain, domain, nowhere)
-    targets = coherent(domain) if shape == "auto" else _own_shapes(domain)
-    if targets is None:
-        return Shaped(domain, domain, nowhere)
-    corners = with_targets(domain.points, domain.corners, targets)
-    return Shaped(replace(domain, corners=corners), domain, targets.held, targets)
-
-
-def _own_shapes(domain: Domain) -> Targets | None:
-    """Targets that are the own shapes of all positive cells, None if there are none."""
     quality = corner_qualities(domain.points, domain.corners, domain.backend)
+    targets = coherent(domain, quality) if shape == "auto" else _own_shapes(domain, quality)
+    signed = None if domain.is_surface else quality
+    if targets is None:
+        return Shaped(domain, domain, nowhere, quality=signed)
+    corners = with_targets(domain.points, domain.corners, targets)
+    return Shaped(replace(domain, corners=corners), domain, targets.held, targets, quality=signed)
+
+
+def _own_shapes(domain: Domain, quality: np.ndarray) -> Targets | None:
+    """Targets that are the own shapes of all positive cells, None if there are none.
+
+    quality: (C,) of the domain's corners.
+    """
     positive = domain.corners.by_cell(np.minimum, quality) > FORMED[domain.dimension]
     nowhere = np.zeros(len(domain.points), dtype=bool)
     return Targets(positive, nowhere, 1.0) if positive.any() else None

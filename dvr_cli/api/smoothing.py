@@ -117,7 +117,7 @@ def _smoothed(
     on_surface = domain.is_surface and options.is_free and options.takes_polish
     entries: list[Entry] = [_ON_SURFACES] if on_surface else options.entries
     field = direction_field(entries, domain, mesh.point_data, options.seed, options.center, options.axis)
-    before = measure(domain, mesh.points, relaxed)
+    before = measure(domain, mesh.points, relaxed, by_corner=shapes.own_quality)
     untangling = untangles(options, domain, before)
     start = time.perf_counter()
     how = options.order, options.seed, kind.backend, moves.within, moves.parts
@@ -185,7 +185,8 @@ def _smoothed(
         limited_by = limit_of(domain, points, relaxed, after, held_by, mends)
     plain = None
     if shapes.kept or shapes.metric:
-        plain = measure(shapes.plain, mesh.points, relaxed), measure(shapes.plain, points, relaxed)
+        unmoved = measure(shapes.plain, mesh.points, relaxed, by_corner=shapes.quality)
+        plain = unmoved, measure(shapes.plain, points, relaxed)
     report = SmoothReport(
         shape=ShapeUse(options.shape_mode, shapes.kept, shapes.max_aspect),
         plain=plain,

@@ -71,15 +71,18 @@ def measure(
     relaxed: np.ndarray,
     worst: int = 10,
     inverted: np.ndarray | None = None,
+    by_corner: np.ndarray | None = None,
 ) -> Quality:
     """The quality of a domain with coordinates ``points`` (given as its mesh gives them).
 
     relaxed: (m,) indices of the relaxed vertices. worst: how many of the worst elements to list. inverted:
     (C,) bool, the corners of a surface that are turned over; by default those that are in their own cell.
+    by_corner: (C,) the quality of each corner, where it is known.
     """
     flat = domain.flatten(points)
     corners = domain.corners
-    by_corner = _by_corner(domain, flat, inverted)
+    if by_corner is None:
+        by_corner = _by_corner(domain, flat, inverted)
     elements = corners.by_cell(np.minimum, by_corner)
     bad, unclear = _curved(domain, points, elements)
     turned = elements < -DEGENERATE

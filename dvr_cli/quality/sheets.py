@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.facets import facets_of
 from dvr_cli.mesh.mesh import Cells
@@ -28,17 +29,21 @@ def able(blocks: list[Cells]) -> np.ndarray:
     return _of_each(blocks, [block.type in LEAST for block in blocks]) > 0.0
 
 
+def joined(blocks: list[Cells], possible: np.ndarray, backend: Backend) -> np.ndarray:
+    """(n,) bool: the cells of ``blocks`` that would lie in a sheet, or be joined to one, were those that are
+    ``possible`` ((n,) bool, of types that are ``able``) all flat and stretched alike.
+    """
+    which, blocks = _only(blocks, possible)
+    return _marked(len(possible), which, _sheets(blocks, *_neighbours(blocks, backend)))
+
+
 def in_sheets(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray) -> np.ndarray:
     """(n,) bool: the cells of ``blocks`` that lie in a sheet, and the flat cells joined to these.
 
     flat: (n,) bool, cells that may, of types that are ``able``. stretching: (n, k) L of each, the diagonal
     and then the upper triangle; only those of flat cells are looked at.
     """
-    result = np.zeros(len(flat), dtype=bool)
     which, blocks = _only(blocks, flat)
-    weight = _of_each(blocks, [1.0 / LEAST[block.type] for block in blocks])
-    if weight.sum() < 1.0:
-        return result
     one, other = _neighbours(blocks)
     rows = stretching[which]
     space = 2 if rows.shape[1] == 3 else 3
@@ -47,14 +52,21 @@ def in_sheets(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray) -> 
     allowed = _of_each(blocks, [ALIKE_TRIANGLES if b.type == "triangle" else ALIKE for b in blocks])
     apart = np.linalg.norm(rows[one] - rows[other], axis=1)
     alike = apart <= np.minimum(allowed[one], allowed[other]) * np.maximum(size[one], size[other])
-    one, other = one[alike], other[alike]
+    return _marked(len(flat), which, _sheets(blocks, one[alike], other[alike]))
+
+
+def _sheets(blocks: list[Cells], one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """(n,) bool: the cells of ``blocks`` in sheets and those joined to these, by pairs stretched alike."""
     inside = _half_of_facets(blocks, one, other)
+    weight = _of_each(blocks, [1.0 / LEAST[block.type] for block in blocks])
+    if weight[inside].sum() < 1.0:
+        return np.zeros_like(inside)
     both = inside[one] & inside[other]
-    part = connected_parts(len(which), one[both], other[both])
-    enough = np.bincount(part, np.where(inside, weight, 0.0), len(which)) >= 1.0
+    part = connected_parts(len(inside), one[both], other[both])
+    enough = np.bincount(part, np.where(inside, weight, 0.0), len(inside)) >= 1.0
     inside &= enough[part]
-    result[which[inside]] = True
-    result[which[other[inside[one]]]] = result[which[one[inside[other]]]] = True
+    result = inside.copy()
+    result[other[inside[one]]] = result[one[inside[other]]] = True
     return result
 
 
@@ -73,6 +85,13 @@ def orderly(blocks: list[Cells], flat: np.ndarray, log_size: np.ndarray) -> np.n
     return result
 
 
+def _marked(n: int, which: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """(n,) bool: the cells ``which``, given by number, that are ``chosen`` ((m,) bool)."""
+    result = np.zeros(n, dtype=bool)
+    result[which[chosen]] = True
+    return result
+
+
 def _only(blocks: list[Cells], wanted: np.ndarray) -> tuple[np.ndarray, list[Cells]]:
     """The ``wanted`` cells ((n,) bool): their numbers, and their blocks."""
     start = np.cumsum([0, *(len(block.vertices) for block in blocks)])
@@ -81,9 +100,12 @@ def _only(blocks: list[Cells], wanted: np.ndarray) -> tuple[np.ndarray, list[Cel
     return np.flatnonzero(wanted), chosen
 
 
-def _neighbours(blocks: list[Cells]) -> tuple[np.ndarray, np.ndarray]:
-    """The pairs of cells that share a facet, as the number of the one and that of the other."""
-    facets = facets_of(blocks)
+def _neighbours(blocks: list[Cells], backend: Backend = NUMPY) -> tuple[np.ndarray, np.ndarray]:
+    """The pairs of cells that share a facet, as the number of the one and that of the other.
+
+    backend: what computes; the pairs are the same, in an order of its own.
+    """
+    facets = facets_of(blocks, backend)
     pair = facets.start[:-1][facets.shared_by == 2]
     return facets.cell[pair], facets.cell[pair + 1]
 

@@ -28,18 +28,22 @@ ORDERLY = 0.8  # share of the flat cells around, averaged three times, that are 
 _FEWEST = 8  # cells of any type that make a sheet
 
 
-def coherent(domain: Domain) -> Targets | None:
+def coherent(domain: Domain, quality: np.ndarray | None = None) -> Targets | None:
     """The cells whose stretching is coherent, as targets; None where there are none.
 
     Their vertices are held, but for those of inverted and nearly degenerate cells, which are not kept.
+    quality: (C,) of the domain's corners, if it is known.
     """
     corners, points = domain.corners, domain.points
-    cells = _Cells(domain)
-    quality = corner_qualities(points, corners, domain.backend)
+    if quality is None:
+        quality = corner_qualities(points, corners, domain.backend)
     worst = corners.by_cell(np.minimum, quality)
     positive = worst > FORMED[domain.dimension]
-    seeds = _seeds(domain, cells, quality, positive)
     possible = positive & (worst <= _best_quality(SEED, domain.dimension))
+    if not possible.any():
+        return None
+    cells = _Cells(domain)
+    seeds = _seeds(domain, cells, quality, positive)
     seeds = seeds[_in_order(domain, cells, possible, seeds)]
     sheets = _in_sheets(domain, cells, possible)
     if not len(seeds) and not sheets.any():
@@ -163,17 +167,21 @@ def _in_order(domain: Domain, cells: _Cells, possible: np.ndarray, seeds: np.nda
 
 def _in_sheets(domain: Domain, cells: _Cells, possible: np.ndarray) -> np.ndarray:
     """(n,) bool: the cells in sheets, of the ``possible`` ones ((n,) bool)."""
-    flat = np.zeros_like(possible)
+    none = np.zeros_like(possible)
     if np.count_nonzero(possible) < _FEWEST:
-        return flat
-    from dvr_cli.quality.sheets import able, in_sheets
+        return none
+    from dvr_cli.quality.sheets import able, in_sheets, joined
 
     possible = possible & able(domain.cells)
+    if np.count_nonzero(possible) < _FEWEST:
+        return none
+    possible = joined(domain.cells, possible, domain.backend)
     if not possible.any():
-        return flat
+        return none
     stretching = cells.from_corners(_stretching(domain.points, domain.corners, possible))
+    flat = none.copy()
     flat[possible] = _log_aspect(stretching[possible]) >= np.log(SEED)
-    return in_sheets(domain.cells, flat, stretching)
+    return in_sheets(domain.cells, flat, stretching) if flat.any() else none
 
 
 def candidates(

@@ -200,6 +200,27 @@ def test_the_vector_relative_to_the_targets_never_decreases(name):
         before = after
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("shape", ["ideal", "auto", "input"])
+def test_qualities_found_with_the_targets_are_those_that_reports_measure(kind, shape):
+    from dvr_cli.api.shapes import shaped
+
+    mesh = random_mesh(kind, 3, noise=0.4)
+    shapes = shaped(domain_of(mesh), shape)
+    for domain, known in ((shapes.domain, shapes.own_quality), (shapes.plain, shapes.quality)):
+        expected = corner_qualities(mesh.points, domain.corners)
+        assert known is None or known.tobytes() == expected.tobytes()
+    assert (shapes.own_quality is None) == (shape != "auto")
+
+
+def test_qualities_of_a_surface_have_no_sign_to_hand_on():
+    from dvr_cli.api.shapes import shaped
+
+    mesh = random_mesh("triangle", 3)
+    bent = Mesh(np.column_stack([mesh.points, mesh.points[:, 0] ** 2]), mesh.cells)
+    assert shaped(domain_of(bent), "auto").quality is None
+
+
 def test_reports_name_what_is_stretched():
     mesh = layered("cylinder, quads")
     report = mesh_quality(mesh)

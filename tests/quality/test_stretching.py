@@ -11,7 +11,7 @@ from scipy.linalg import logm
 from dvr_cli.backend import COMPILED
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
-from dvr_cli.quality import stretching
+from dvr_cli.quality import sheets, stretching
 from dvr_cli.quality.sheets import orderly
 from dvr_cli.quality.stretching import coherent
 from dvr_cli.quality.targets import FORMED
@@ -241,6 +241,24 @@ def test_a_single_row_round_a_circle_is_found():
     found = coherent(domain_of(Mesh(points, [Cells("quad", quads.reshape(-1, 4))])))
     assert found is not None
     assert (found.kept.reshape(24, 5) == [False, False, True, False, False]).all()
+
+
+@pytest.mark.parametrize(("kind", "n", "seed"), [("triangle", 13, 0), ("quad", 12, 1), ("hexahedron", 9, 2)])
+def test_cells_that_cannot_be_joined_to_a_sheet_make_no_difference(kind, n, seed):
+    """Sheets of cells that may be flat, and of those alone that neighbours could join to one."""
+    mesh, _ = one_row(kind, 8.0, 3, n)
+    domain = domain_of(mesh)
+    corners, rng = domain.corners, np.random.default_rng(seed)
+    every = np.ones(len(corners.start) - 1, dtype=bool)
+    stretching_ = stretching._Cells(domain).from_corners(
+        stretching._stretching(domain.points, corners, every)
+    )
+    possible = (stretching._log_aspect(stretching_) > np.log(5.0)) | (rng.random(len(every)) < 0.3)
+    near = sheets.joined(domain.cells, possible, domain.backend)
+    expected = sheets.in_sheets(domain.cells, possible, stretching_)
+    assert expected.any()
+    assert near.sum() < possible.sum()
+    assert (sheets.in_sheets(domain.cells, near, stretching_) == expected).all()
 
 
 def test_few_flat_cells_and_flat_tetrahedra_make_no_sheet():
