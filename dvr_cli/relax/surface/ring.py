@@ -96,7 +96,7 @@ def set_gradient(
 
 def best_step(scratch: np.ndarray, n: int, d: int) -> tuple[float, float]:
     """The best λ and the largest badness at λ = 0; see ``line.maximise_minimum``."""
-    step, before = maximise_minimum(_lines(scratch, n, d))
+    step, before = maximise_minimum(_lines_in(scratch, n, d))
     return float(step[0]), float(before[0])
 
 
@@ -111,7 +111,7 @@ def lowest_step(
     real, weights = np.ones((n, 1), dtype=bool), None
     if not begins:
         aim, weights = aim._replace(by_ring=False), scratch[WEIGHT, :n, None]
-    lines = _lines(scratch, n, d)
+    lines = _lines_in(scratch, n, d)
     step, now, weights, floor = polish.lowest_price(lines, real, limit, aim, weights)
     scratch[WEIGHT, :n] = weights[:, 0]
     return float(step[0]), float(now[0]), float(floor[0])
@@ -158,5 +158,5 @@ def hull_direction(
     directions[row] = [component[0] for component in found]
 
 
-def _lines(scratch: np.ndarray, n: int, d: int) -> Lines:
+def _lines_in(scratch: np.ndarray, n: int, d: int) -> Lines:
     return Lines(scratch[[V0, V1, S0, S1], :n, None], scratch[S2, :n, None], d)
