@@ -12,7 +12,16 @@ if TYPE_CHECKING:
     from dvr_cli.report.records import SmoothReport
 
 # Options that need what a rank with all cells or vertices has.
-_NEED_ALL = ("quality_field", "plot", "fail_below", "fail_above", "mesh", "input_format", "output_format")
+_NEED_ALL = (
+    "quality_field",
+    "geometry",
+    "plot",
+    "fail_below",
+    "fail_above",
+    "mesh",
+    "input_format",
+    "output_format",
+)
 
 
 def smooth_in_shares(

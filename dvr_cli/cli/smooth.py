@@ -35,8 +35,13 @@ def smooth(
     from dvr_cli.api.smoothing import smooth_mesh
 
     options = SmoothOptions.of(given)
+    geometry = given["geometry"]
     pictured = given["plot"] is not None or is_page(given["report"])
-    work = partial(smooth_mesh, options=options, means=pictured)
+    work: Any = partial(smooth_mesh, options=options, means=pictured)
+    if geometry is not None:
+        from dvr_cli.api.geometry import smooth_on_geometry
+
+        work = partial(smooth_on_geometry, geometry, options=options, means=pictured)
     if given["mpi"]:
         from dvr_cli.cli.shares import smooth_in_shares
         from dvr_cli.distributed.job import world

@@ -51,6 +51,8 @@ class Source(ABC):
     format: the name of its format as ``--input-format`` and ``--output-format`` take it.
     target: the file ``write`` is for, None for a pipe.
     unread: what the file holds beyond the mesh, so that other formats will not have it, one line each.
+    parameters: of vertices that have moved on a curve or surface of a model, by their numbers, those of their
+        place on it, one or two; for formats that keep them.
     wider: what a ``widened`` source says about itself.
     notes: what the output cannot keep, one line each, as of the last ``stored`` or ``write``.
     """
@@ -60,6 +62,7 @@ class Source(ABC):
     target: Path | None
     unread: list[str]
     notes: list[str]
+    parameters: dict[int, np.ndarray]
     wider = "coordinates are stored in 64 bits, as rounding them to 32 would lower the quality"
 
     def __init__(self) -> None:
@@ -67,6 +70,7 @@ class Source(ABC):
         self.target = None
         self.unread = []
         self.notes = []
+        self.parameters = {}
 
     @abstractmethod
     def write(self, points: np.ndarray, file: BinaryIO) -> None:

@@ -66,6 +66,10 @@ class Output:
         with _naming_output(self._path):
             return self._writer.stored(points)
 
+    def keep_parameters(self, parameters: dict[int, np.ndarray]) -> None:
+        """Have these parameters written, where the output has a place for them; see ``Source``."""
+        self._writer.parameters = parameters
+
     def rounding(self, points: np.ndarray) -> float:
         """The largest change of a coordinate with which the output keeps ``points`` (N, D)."""
         return float(np.abs(self.stored(points) - points).max(initial=0.0))

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+Entity = tuple[int, int]  # of a model: its dimension, 1 for curves and 2 for surfaces, and its tag
+
 
 @dataclass
 class Cells:
@@ -37,6 +39,8 @@ class Mesh:
     point_sets: groups of vertices by name.
     facet_sets: named facets that are no cells of the file (side sets, surfaces): name -> (n, w) vertices of
         each, w the largest, shorter rows ending in -1.
+    entities: the vertices that lie inside each curve and surface of the model that the mesh was made of (not
+        on its border), where the file says so.
     periodic: (K, 2) int array of linked vertices (slave, master), empty when there are none.
     """
 
@@ -48,6 +52,7 @@ class Mesh:
     cell_sets: dict[str, list[np.ndarray]] = field(default_factory=dict)
     point_sets: dict[str, np.ndarray] = field(default_factory=dict)
     facet_sets: dict[str, np.ndarray] = field(default_factory=dict)
+    entities: dict[Entity, np.ndarray] = field(default_factory=dict)
     periodic: np.ndarray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
 
     @property

@@ -57,6 +57,16 @@ FREEDOM = (
         panel="Boundary and regions",
     ),
     Option(
+        "geometry",
+        FILE,
+        None,
+        "The CAD model that IN, a Gmsh file of version 4, was made of (.step, .brep or .geo): vertices that "
+        "move on its curves and surfaces end there, with the right parameters (needs dvr-cli[cad]).",
+        SMOOTH,
+        "FILE",
+        panel="Boundary and regions",
+    ),
+    Option(
         "fix",
         TEXTS,
         (),

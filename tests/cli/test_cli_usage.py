@@ -404,8 +404,9 @@ def test_every_option_in_the_help_works(dvr, tmp_path, command, options):
         "report compare": [source, source],
     }[command]
     text = dvr(*command.split(), "--help").out
-    # --mesh is for files with several meshes, see the tests of MED; --mpi for jobs, see test_ranks
-    known = {*options, "--help", "--mesh", *(["--mpi"] if command == "smooth" else [])}
+    # --mesh is for files with several meshes, see the tests of MED; --mpi for jobs, see test_ranks;
+    # --geometry needs a model, see test_cli_geometry
+    known = {*options, "--help", "--mesh", *(["--mpi", "--geometry"] if command == "smooth" else [])}
     assert set(re.findall(r"^  (?:-\w, )?(--[\w-]+)", text, flags=re.MULTILINE)) == known
     for option, values in options.items():
         values = [value.format(folder=tmp_path) for value in values]

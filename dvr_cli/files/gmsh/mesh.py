@@ -56,6 +56,7 @@ def make_mesh(
         cell_data=cell_data,
         point_data=_fields([view for view in views if view.on_nodes], index, np.arange(count), count),
         field_data=_field_data(names),
+        entities=nodes.entities,
         periodic=pairs[(pairs >= 0).all(axis=1)].astype(np.int64),
     )
 

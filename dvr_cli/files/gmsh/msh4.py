@@ -15,8 +15,7 @@ from dvr_cli.files.gmsh.cells import cell_type
 from dvr_cli.files.gmsh.elements import MAX_GROUPS, Elements
 from dvr_cli.files.gmsh.nodes import NodeBlocks, Nodes
 from dvr_cli.files.gmsh.numbers import Numbers
-
-Entity = tuple[int, int]  # dimension, tag
+from dvr_cli.mesh.mesh import Entity
 
 
 class Entities(NamedTuple):
@@ -65,16 +64,21 @@ def read_entities(numbers: Numbers, partitioned: bool, into: Entities, older: bo
     numbers.finish()
 
 
-def read_nodes(numbers: Numbers, older: bool) -> Nodes:
-    """Read $Nodes. Parametric coordinates are passed over; the layout says where they are."""
+def read_nodes(numbers: Numbers, whole: dict[Entity, int], older: bool) -> Nodes:
+    """Read $Nodes. Parametric coordinates are passed over; the layout says where they are.
+
+    whole: see ``Entities``.
+    """
     unit = numbers.length["d"]
     blocks, declared = numbers.record("2q" if older else "4q")[:2]
     tags, points, layout = [], [], []
+    inside: dict[Entity, list[np.ndarray]] = {}
+    end = 0
     for _ in range(blocks):
         flag = numbers.position + 2 * numbers.length["i"]
         dimension, entity, parametric, count = numbers.record("3iq")
         if older:
-            dimension = entity
+            dimension, entity = entity, dimension
         if not 0 <= dimension <= 3 or parametric not in (0, 1):
             raise InputError(f"section ${numbers.name} is damaged: a block of nodes has a wrong header")
         parameters = dimension if parametric else 0
@@ -89,12 +93,16 @@ def read_nodes(numbers: Numbers, older: bool) -> Nodes:
             values = numbers.doubles(count * (3 + parameters)).reshape(count, 3 + parameters)
         tags.append(labels)
         points.append(values[:, :3])
+        begin, end = end, end + count
+        if dimension in (1, 2):
+            entity = whole.get((dimension, entity), entity)
+            inside.setdefault((dimension, entity), []).append(np.arange(begin, end))
         layout.append((first, count, stride, parameters * unit, parameters > 0, flag))
     numbers.finish()
     nodes = Nodes.join(tags, points, NodeBlocks.of(layout))
     if len(nodes.tags) != declared:
         raise InputError(f"section $Nodes declares {declared} nodes and holds {len(nodes.tags)}")
-    return nodes
+    return nodes._replace(entities={key: np.concatenate(parts) for key, parts in inside.items()})
 
 
 def read_elements(numbers: Numbers, entities: Entities, older: bool) -> tuple[list[Elements], int]:

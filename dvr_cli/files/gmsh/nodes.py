@@ -8,6 +8,7 @@ import numpy as np
 
 from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh.tags import first_repeated
+from dvr_cli.mesh.mesh import Entity
 
 
 class NodeBlocks(NamedTuple):
@@ -44,11 +45,15 @@ class NodeBlocks(NamedTuple):
 
 
 class Nodes(NamedTuple):
-    """The nodes in file order: (N,) int64 tags, (N, 3) float64 coordinates, and their layout."""
+    """The nodes in file order: (N,) int64 tags, (N, 3) float64 coordinates, and their layout.
+
+    entities: the positions of those inside each curve and surface of the model, in MSH 4.
+    """
 
     tags: np.ndarray
     points: np.ndarray
     blocks: NodeBlocks
+    entities: dict[Entity, np.ndarray]
 
     @classmethod
     def join(cls, tags: list[np.ndarray], points: list[np.ndarray], blocks: NodeBlocks) -> Nodes:
@@ -59,4 +64,4 @@ class Nodes(NamedTuple):
         repeated = first_repeated(joined)
         if repeated is not None:
             raise InputError(f"node tag {repeated} occurs more than once")
-        return cls(joined, np.concatenate([np.empty((0, 3)), *points], dtype=np.float64), blocks)
+        return cls(joined, np.concatenate([np.empty((0, 3)), *points], dtype=np.float64), blocks, {})

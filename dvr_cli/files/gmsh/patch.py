@@ -1,9 +1,9 @@
 """Replacing coordinates in the bytes of a Gmsh file, and nothing else.
 
-A node that moves loses its parametric coordinates: they say where on its curve or surface it was. MSH 4.1
-marks blocks of nodes as parametric, so the blocks in which a node moved are rewritten as non-parametric; in
-MSH 1 and 2 a whole section is parametric or not, and $ParametricNodes becomes $Nodes. In MSH 3 each node
-names its entity, and then 0.
+A node that moves loses its parametric coordinates, which say where on its curve or surface it was, unless new
+ones are given. MSH 4 marks blocks of nodes as parametric, so blocks with a node that loses its own are
+rewritten as non-parametric; in MSH 1 and 2 a whole section is parametric or not, and $ParametricNodes becomes
+$Nodes. In MSH 3 each node names its entity, and then 0.
 """
 
 from __future__ import annotations
@@ -19,15 +19,16 @@ def patch_nodes(
     section: Section,
     header: Header,
     blocks: NodeBlocks,
-    points: np.ndarray,
+    values: np.ndarray,
     changed: np.ndarray,
 ) -> tuple[bytes, int]:
     """The bytes of the section of nodes, markers included, with new coordinates.
 
-    points: (N, 3) coordinates; changed: (N, 3) bool, which of them to write.
+    values: (N, 5) coordinates and parameters; changed: (N, 5) bool, which of them to write. Parameters may be
+    given in MSH 4 only.
     Also returns how many nodes have lost their parametric coordinates.
     """
-    moved = np.concatenate([[0], np.cumsum(changed.any(axis=1))])
+    moved = np.concatenate([[0], np.cumsum(changed[:, :3].any(axis=1) & ~changed[:, 3])])
     ends = np.cumsum(blocks.size)
     stale = (blocks.parametric == 1) & (moved[ends] > moved[ends - blocks.size])
     opening, closing = data[section.opening : section.start], data[section.stop : section.end]
@@ -36,19 +37,21 @@ def patch_nodes(
         dropped = np.ones_like(stale)
         opening, closing = (marker.replace(b"ParametricNodes", b"Nodes") for marker in (opening, closing))
     body = data[section.start : section.stop]
+    changed = changed.copy()
+    changed[:, 3:] &= np.repeat((blocks.parametric == 1) & ~dropped, blocks.size)[:, None]
     if header.byte_order:
         none = "\0" * 4 if header.version.startswith("3") else ""
-        body = _patch_binary(body, header.byte_order, blocks, points, changed, dropped, none)
+        body = _patch_binary(body, header.byte_order, blocks, values, changed, dropped, none)
     else:
         none = " 0" if header.version.startswith("3") else ""
-        body = _patch_text(body, blocks, points, changed, dropped, none)
+        body = _patch_text(body, blocks, values, changed, dropped, none)
     return b"".join([opening, body, closing]), int(blocks.size[dropped & (blocks.parametric == 1)].sum())
 
 
 def _patch_text(
-    body: bytes, blocks: NodeBlocks, points: np.ndarray, changed: np.ndarray, dropped: np.ndarray, none: str
+    body: bytes, blocks: NodeBlocks, values: np.ndarray, changed: np.ndarray, dropped: np.ndarray, none: str
 ) -> bytes:
-    """The body with the changed coordinates; blocks that are ``dropped`` lose flag and tails.
+    """The body with the changed numbers; blocks that are ``dropped`` lose flag and tails.
 
     none: what stands for a tail that is dropped.
     """
@@ -56,7 +59,7 @@ def _patch_text(
     first = blocks.positions()
     node, axis = np.nonzero(changed)
     token = first[node] + axis
-    digits = list(map(repr, points[changed].tolist()))
+    digits = list(map(repr, values[changed].tolist()))
     flag = blocks.flag[dropped & (blocks.flag >= 0)]
     tail = np.repeat(np.where(dropped, blocks.tail, 0), blocks.size)
     last = first[tail > 0] + 2
@@ -72,12 +75,12 @@ def _patch_binary(
     body: bytes,
     byte_order: str,
     blocks: NodeBlocks,
-    points: np.ndarray,
+    values: np.ndarray,
     changed: np.ndarray,
     dropped: np.ndarray,
     none: str,
 ) -> bytes:
-    """The body with the changed coordinates; blocks that are ``dropped`` lose flag and tails.
+    """The body with the changed numbers; blocks that are ``dropped`` lose flag and tails.
 
     none: what stands for a tail that is dropped.
     """
@@ -87,8 +90,11 @@ def _patch_binary(
         begin, end = end, end + size
         mask = changed[begin:end]
         if mask.any():
-            stored = np.ndarray((size, 3), byte_order + "f8", buffer, first, (stride, 8))
-            stored[mask] = points[begin:end][mask]
+            width = (
+                int(np.flatnonzero(mask.any(axis=0))[-1]) + 1
+            )  # numbers of a node up to the last that changed
+            stored = np.ndarray((size, width), byte_order + "f8", buffer, first, (stride, 8))
+            stored[mask[:, :width]] = values[begin:end, :width][mask[:, :width]]
     for flag in blocks.flag[dropped & (blocks.flag >= 0)].tolist():
         buffer[flag : flag + 4] = bytes(4)
     tail = np.repeat(np.where(dropped, blocks.tail, 0), blocks.size)

@@ -53,7 +53,8 @@ class GmshSource(Source):
         if not changed.any():
             file.write(self._data)
             return
-        section, stale = patch_nodes(self._data, self._section, self._header, self._blocks, points, changed)
+        values, changed = self._with_parameters(points, changed)
+        section, stale = patch_nodes(self._data, self._section, self._header, self._blocks, values, changed)
         if stale:
             nodes = "1 node" if stale == 1 else f"{stale} nodes"
             self.notes.append(f"dropped the parametric coordinates of {nodes}: moving nodes makes them wrong")
@@ -61,6 +62,15 @@ class GmshSource(Source):
         file.write(whole[: self._section.opening])
         file.write(section)
         file.write(whole[self._section.end :])
+
+    def _with_parameters(self, points: np.ndarray, changed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 5) coordinates, and parameters where they are known, and which of these to write, bool."""
+        values, written = np.zeros((len(points), 5)), np.zeros((len(points), 5), dtype=bool)
+        values[:, :3], written[:, :3] = points, changed
+        for node, parameters in self.parameters.items():
+            values[node, 3 : 3 + len(parameters)] = parameters
+            written[node, 3 : 3 + len(parameters)] = True
+        return values, written
 
 
 def read(data: bytes) -> GmshSource:
@@ -128,7 +138,7 @@ def _read_msh4(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
         if name in once:
             numbers = read_numbers(data, once[name], header)
             msh4.read_entities(numbers, name == "PartitionedEntities", entities, older)
-    nodes = msh4.read_nodes(read_numbers(data, once["Nodes"], header), older)
+    nodes = msh4.read_nodes(read_numbers(data, once["Nodes"], header), entities.whole, older)
     elements: list[Elements] = []
     left_out, periodic = 0, _NO_PAIRS
     if "Elements" in once:
