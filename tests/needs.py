@@ -6,6 +6,8 @@ Where it is missing they are skipped, and say why; under CI, which installs all 
 import importlib
 import os
 import shutil
+import subprocess
+from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
 
@@ -26,6 +28,16 @@ def require_program(*names: str) -> str:
     if path is None:
         _miss(f"no program {' or '.join(names)} is on the path")
     return path
+
+
+def require_debian(*modules: str) -> str:
+    """The path of Debian's own Python, which has these modules by packages of Debian."""
+    python = "/usr/bin/python3"
+    own = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL"))}
+    command = [python, "-c", f"import {', '.join(modules)}"]
+    if not Path(python).exists() or subprocess.run(command, capture_output=True, env=own).returncode != 0:
+        _miss(f"Debian's Python has not all of {', '.join(modules)}")
+    return python
 
 
 def _miss(reason: str) -> NoReturn:

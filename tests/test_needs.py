@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from needs import require, require_program
+from needs import require, require_debian, require_program
 
 OUTCOMES = pytest.mark.parametrize(
     ("ci", "outcome"), [("true", pytest.fail.Exception), ("", pytest.skip.Exception)]
@@ -28,3 +28,10 @@ def test_a_program(monkeypatch, tmp_path, ci, outcome):
     program = tmp_path / "other"
     program.touch(mode=0o755)
     assert require_program("one", "other") == str(program)
+
+
+@OUTCOMES
+def test_modules_of_debian(monkeypatch, ci, outcome):
+    monkeypatch.setenv("CI", ci)
+    with pytest.raises(outcome, match="Debian's Python has not all of json, no_such_module"):
+        require_debian("json", "no_such_module")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from needs import require, require_program
+from needs import require, require_debian, require_program
 
 ENVIRONMENT = {
     **os.environ,
@@ -37,6 +37,22 @@ def on_ranks():
             timeout=600,
             env={**ENVIRONMENT, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
             cwd=cwd,
+        )
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def on_debian():
+    """on_debian(ranks, script, *words, cwd=None): the same with Debian's Python, libraries and Open MPI."""
+    python = require_debian("dolfinx", "petsc4py")
+    mpiexec = require_program("mpiexec.openmpi")
+    own = {name: value for name, value in ENVIRONMENT.items() if not name.startswith(("PYTHON", "VIRTUAL"))}
+
+    def run(ranks, script, *words, cwd=None):
+        command = [mpiexec, "-n", str(ranks), python, str(Path(__file__).with_name(script)), *words]
+        return subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=600, env=own, cwd=cwd
         )
 
     return run
