@@ -6,9 +6,11 @@ Importing this module imports numba; only what has decided to compile does so.
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import cache, partial
+from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType, MappingProxyType, ModuleType
 from typing import Any, TypeVar, cast
@@ -24,6 +26,26 @@ from numba.extending import intrinsic
 
 from dvr_cli.kept import last_change
 
+
+def _load_without_blas() -> None:
+    """Load what numba compiles with, and not SciPy's BLAS, which numba would look for at once.
+
+    That takes as long as half a short run, and 16 MB. Nothing here calls it; for functions of others that
+    do, numba loads it then.
+    """
+    from numba.np import linalg
+
+    find = linalg.ensure_blas
+    linalg.ensure_blas = lambda: None
+    try:
+        from numba.np import arraymath
+    finally:
+        linalg.ensure_blas = find
+    arraymath.ensure_blas = find
+
+
+if find_spec("scipy") is not None and "numba.np.arraymath" not in sys.modules:
+    _load_without_blas()
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 # IEEE arithmetic as written: nothing fused or reassociated, division by zero as in NumPy. No entry point for
 # C is made: nothing calls one, and to compile it takes time.
