@@ -7,10 +7,8 @@ Idle ranks spin, so only CPU seconds of a rank's own work count, never seconds.
 from __future__ import annotations
 
 import json
-import resource
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,6 +21,7 @@ import meshes
 from common import fastest, print_table
 from dvr_cli.distributed.member import Member
 from dvr_cli.distributed.parts import Partition, along_curve
+from dvr_cli.files.formats import format_named
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.relax.directions import random_field
@@ -35,6 +34,7 @@ _BYTES = 24  # of a vertex
 # Assumed of a network: seconds until a message is there, with what mpi4py takes, and bytes a second.
 _LATENCY, _BANDWIDTH = 10e-6, 5e9
 _TETRAHEDRA = 10**9
+_WITH_LEAD = ("--time-limit", "3600")  # what keeps a rank from having a share alone
 
 
 def run(quick: bool) -> None:
@@ -57,7 +57,7 @@ def run(quick: bool) -> None:
     rows = [[n, ranks, *_in_shares(ranks, n)] for n in sizes for ranks in (2, 4)]
     print_table("No rank has the mesh: the worst rank; bytes above a tiny mesh's", header, rows)
     header = ["vertices", "reading, setting up, measuring twice, writing: in sweeps"]
-    alone = [[n, _job(1, "shares", n)[0]["seconds"] / one[n][0]["kernels"]] for n in sizes]
+    alone = [[n, _command(1, n)[0]["seconds"] / one[n][0]["kernels"]] for n in sizes]
     print_table("No rank has the mesh: one rank, which waits for nobody", header, alone)
 
     mesh = meshes.raw_tets(2_000 if quick else 1_000_000)
@@ -161,9 +161,18 @@ def model(ranks: int, counted: Counts, update: float) -> list[object]:
 
 def _job(ranks: int, what: str, n: int) -> list[dict[str, float]]:
     """What each rank of a job says."""
-    path = _as_vtk(n) if what == "shares" else meshes.path_of(meshes.random_tets, n)
+    return _said(ranks, [__file__, what, meshes.path_of(meshes.random_tets, n)])
+
+
+def _command(ranks: int, n: int, *more: str) -> list[dict[str, float]]:
+    """What each rank of the command on a file says; more: options."""
+    script = Path(__file__).with_name("distributed_rank.py")
+    return _said(ranks, [script, fastest(), _as_vtk(n), *more])
+
+
+def _said(ranks: int, script: list[object]) -> list[dict[str, float]]:
     beside = Path(sys.executable).with_name("mpiexec")
-    command = [beside if beside.exists() else "mpiexec", "-n", ranks, sys.executable, __file__, what, path]
+    command = [beside if beside.exists() else "mpiexec", "-n", ranks, sys.executable, *script]
     words = [str(word) for word in command]
     done = subprocess.run(words, stdout=subprocess.PIPE, text=True, check=True)
     said: list[dict[str, float]] = json.loads(done.stdout.splitlines()[-1])
@@ -184,18 +193,24 @@ def _efficiency(n: int, each: list[dict[str, float]], one: list[dict[str, float]
 
 def _memory(ranks: int, n: int) -> list[object]:
     """Tetrahedra a rank, bytes a tetrahedron of the largest rank that follows, and of the lead."""
-    here, tiny = _job(ranks, "memory", n), _job(ranks, "memory", 300)
-    own = here[0]["tetrahedra"] / ranks
+    here, tiny = (_command(ranks, size, *_WITH_LEAD) for size in (n, 300))
+    own = _tetrahedra(n) / ranks
     more = [a["peak"] - b["peak"] for a, b in zip(here, tiny, strict=True)]
     return [round(own), max(more[1:]) / own, more[0] / own]
 
 
 def _in_shares(ranks: int, n: int) -> list[object]:
     """Tetrahedra a rank, peak memory of the worst rank in MB, and bytes a tetrahedron above a tiny mesh's."""
-    here, tiny = _job(ranks, "shares", n), _job(ranks, "shares", 300)
-    own = here[0]["tetrahedra"] / ranks
+    here, tiny = (_command(ranks, size) for size in (n, 300))
+    own = _tetrahedra(n) / ranks
     more = [a["peak"] - b["peak"] for a, b in zip(here, tiny, strict=True)]
     return [round(own), max(rank["peak"] for rank in here) / 1e6, max(more) / own]
+
+
+def _tetrahedra(n: int) -> int:
+    ranges = format_named("vtk").ranges_of(_as_vtk(n))
+    assert ranges is not None
+    return ranges.main.count
 
 
 def _as_vtk(n: int) -> Path:
@@ -271,43 +286,6 @@ def _exchange(comm, path: Path) -> dict[str, float]:
     return {"a rank": min(seconds)}
 
 
-def _peak(comm, path: Path) -> dict[str, float]:
-    """Smooth by the command; the peak of this rank's memory in bytes."""
-    from dvr_cli.cli.main import main
-
-    tetrahedra = 0
-    with tempfile.TemporaryDirectory() as folder:
-        source = Path(folder) / "mesh.msh"
-        if comm.rank == 0:
-            mesh = meshes.load_mesh(path)
-            tetrahedra = len(mesh.cells[0].vertices)
-            meshes.write_msh(mesh, source)
-            del mesh
-        words = ["smooth", str(source), str(Path(folder) / "out.msh"), "-d", "random", "-n", "2", "--quiet"]
-        assert main([*words, "--engine", fastest(), "--mpi"]) == 0
-        comm.Barrier()
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-    return {"tetrahedra": float(tetrahedra), "peak": float(peak)}
-
-
-def _shares(comm, path: Path) -> dict[str, float]:
-    """Smooth by the command without a rank that has the mesh; peak memory, CPU seconds of all but sweeps."""
-    from dvr_cli.cli.main import main
-    from dvr_cli.files.formats import formats_by_suffix
-
-    with tempfile.TemporaryDirectory() as folder:
-        words = ["smooth", str(path), str(Path(folder) / "out.vtk"), "-d", "random", "--quiet"]
-        words += ["--no-report", "--engine", fastest(), "--mpi", "-n"]
-        assert main([*words, "2"]) == 0
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-        begin = time.process_time()
-        assert main([*words, "0"]) == 0
-        seconds = time.process_time() - begin
-        comm.Barrier()
-    ranges = formats_by_suffix(path)[0].ranges_of(path)
-    return {"tetrahedra": float(ranges.main.count), "peak": float(peak), "seconds": seconds}
-
-
 def _as_rank(what: str, path: Path) -> None:
     from mpi4py import MPI
 
@@ -315,8 +293,6 @@ def _as_rank(what: str, path: Path) -> None:
     work: dict[str, Callable[..., dict[str, float]]] = {
         "sweeps": _sweeps,
         "exchange": _exchange,
-        "memory": _peak,
-        "shares": _shares,
     }
     said = comm.gather(work[what](comm, path))
     if said is not None:

@@ -16,7 +16,7 @@ from dvr_cli.distributed.rows import asked, bounds, owner_of, sent
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.morton import morton_codes
-from dvr_cli.mesh.ranks import distinct
+from dvr_cli.mesh.ranks import distinct, distinct_and_ranks
 
 _SAMPLES = 256  # places on the curve that each rank names, between which ranges are cut
 
@@ -151,8 +151,7 @@ class Store:
         found = self.cells
         edge, known = found.cells[self.owned(found.cells)], np.empty(0, dtype=np.int64)
         for _ in range(steps):
-            numbers = distinct(edge.ravel())
-            numbers = numbers[(numbers < self.first) | (numbers >= self.first + self.count)]
+            numbers = distinct(edge[~self._owns(edge)])
             numbers = numbers[~np.isin(numbers, known)]
             known = np.concatenate([known, numbers])
             more = self.around(numbers)
@@ -208,6 +207,8 @@ class Store:
 
     def _with(self, cells: CellRows, numbers: np.ndarray) -> CellRows:
         """Of some cells of this rank those with one of some of its vertices."""
+        if not len(numbers):
+            return CellRows(*(column[:0] for column in cells))
         marked = np.zeros(self.count + 1, dtype=bool)  # the last stands for vertices of others
         marked[numbers - self.first] = True
         place = cells.cells - self.first
@@ -240,9 +241,10 @@ class Store:
         cells: those that this rank has read; numbers: of the vertices that it has read.
         """
         comm, read_from = self.comm, self.bounds[self.comm.rank]
-        wanted = distinct(cells.cells.ravel())
+        wanted, place = distinct_and_ranks(cells.cells.ravel())
         known, _ = asked(comm, wanted, self.owner(wanted), lambda index: numbers[index - read_from])
-        by_number = known[np.searchsorted(wanted, cells.cells)]
+        by_number = known[place].reshape(cells.cells.shape)
+        del place
         owners = self.owner(by_number)
         rows, to = [], []
         for column in range(owners.shape[1]):
@@ -260,6 +262,9 @@ class Store:
 
 def _each_once(parts: list[CellRows]) -> CellRows:
     """The cells in some parts, each cell once, in the order of their ids."""
+    parts = [some for some in parts if len(some.ids)] or parts[:1]
+    if len(parts) == 1:
+        return parts[0]
     ids = np.concatenate([some.ids for some in parts])
     _, once = np.unique(ids, return_index=True)
     return CellRows(*(np.concatenate(column)[once] for column in zip(*parts, strict=True)))

@@ -136,6 +136,10 @@ class Table:
         found = [np.empty(0, dtype=np.int32)]
         for part, lo, hi in self.stretches(first, last):
             columns = [tag.read(path, lo, hi)[:, 0] for tag in part.tags if isinstance(tag, Rows)]
+            if not columns:
+                kind = known.setdefault(tuple(tag for tag in part.tags if isinstance(tag, int)), len(known))
+                found.append(np.full(hi - lo, kind, dtype=np.int32))
+                continue
             place = np.zeros(hi - lo, dtype=np.int64)
             for column in columns:
                 of_column = ranks(column)

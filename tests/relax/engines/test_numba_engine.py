@@ -410,3 +410,27 @@ def test_auto_takes_numba_where_it_pays(monkeypatch):
 def test_wrong_options_are_named(options, fault):
     with pytest.raises(UsageError, match=fault):
         SmoothOptions(**options)
+
+
+@pytest.mark.long
+def test_scipys_blas_is_loaded_for_those_who_call_it_and_for_no_kernel_here():
+    require("scipy")
+    program = """
+import sys
+import numpy as np
+from numba import njit
+from dvr_cli.jit import compiled
+
+assert compiled(lambda a: a[0] + a[1])(np.ones(2)) == 2.0
+assert "scipy.linalg" not in sys.modules
+
+@njit
+def product(a, b):
+    return np.dot(a, b)
+
+assert product(np.arange(4.0), np.ones(4)) == 6.0
+assert "scipy.linalg" in sys.modules
+"""
+    subprocess.run(
+        [sys.executable, "-c", program], check=True, env={**os.environ, "PYTHONPATH": ":".join(sys.path)}
+    )

@@ -1,0 +1,31 @@
+"""A rank that smooths a file by the command and loads nothing else, for its memory and time to be of that.
+
+mpiexec -n N python benchmarks/distributed_rank.py ENGINE FILE [OPTION ...]
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from mpi4py import MPI
+
+from dvr_cli.cli.main import main
+
+engine, path, *more = sys.argv[1:]
+with tempfile.TemporaryDirectory() as folder:
+    output = str(Path(folder) / f"out{Path(path).suffix}")
+    words = ["smooth", path, output, "-d", "random", "--quiet", "--no-report", "--engine", engine, "--mpi"]
+    assert main([*words, *more, "-n", "2"]) == 0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    begin = time.process_time()
+    assert main([*words, *more, "-n", "0"]) == 0
+    seconds = time.process_time() - begin
+    MPI.COMM_WORLD.Barrier()
+said = MPI.COMM_WORLD.gather({"peak": float(peak), "seconds": seconds})
+if said is not None:
+    print(json.dumps(said), flush=True)
