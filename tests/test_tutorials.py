@@ -22,7 +22,6 @@ _BLOCK = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```$', re.MULTILINE 
 _DONE = re.compile(r"^```(?:sh|python)$", re.MULTILINE)
 _IMPORT = re.compile(r"^(?:import|from) (\w+)", re.MULTILINE)
 PAGES = sorted(page for page in ROOT.glob("docs/**/*.md") if _DONE.search(page.read_text("utf-8")))
-SHORT = {"layers", "decks", "moving"}  # pages that take seconds
 
 
 def shell(text: str, environment: Mapping[str, str]) -> str:
@@ -49,10 +48,8 @@ def blocks(page: Path) -> list[tuple[str, str, str]]:
     return _BLOCK.findall(page.read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize(
-    "page",
-    [pytest.param(p, id=p.stem, marks=[] if p.stem in SHORT else pytest.mark.long) for p in PAGES],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("page", [pytest.param(page, id=page.stem) for page in PAGES])
 def test_what_a_page_says_works(page, tmp_path, monkeypatch):
     (tmp_path / "sample_meshes").symlink_to(ROOT / "sample_meshes")
     monkeypatch.chdir(tmp_path)

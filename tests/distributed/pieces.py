@@ -1,6 +1,6 @@
 """Meshes cut by hand for ``test_distributed``: each rank smooths its piece, and compares with one process.
 
-mpiexec -n 3 python pieces.py [metis]
+mpiexec -n 3 python pieces.py few|all|metis
 """
 
 import sys
@@ -74,6 +74,13 @@ def fails(kind, text, *arguments, **options):
 
 
 SWEEPS = {"directions": "random,steepest", "max_iterations": 2, "tol": 0.0}
+
+
+def few():
+    agree(random_mesh("mixed3d", 1, noise=0.4), 2, **SWEEPS)
+    agree(random_mesh("triangle", 4, noise=0.45), 5, patches=True, max_iterations=2)
+    assert agree(layered(), 7, max_iterations=1).shape.kept > 0
+    errors()
 
 
 def main():
@@ -193,7 +200,4 @@ def ball():
     return mesh
 
 
-if sys.argv[1:] == ["metis"]:
-    with_owners(by_metis)
-else:
-    main()
+{"few": few, "all": main, "metis": lambda: with_owners(by_metis)}[sys.argv[1]]()

@@ -5,12 +5,15 @@ import pytest
 from needs import require
 
 
-@pytest.mark.parametrize("ranks", [3, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 2, 4))])
-def test_pieces_come_out_as_from_the_whole(on_ranks, ranks):
-    done = on_ranks(ranks, "pieces.py")
+@pytest.mark.parametrize(
+    ("ranks", "which"), [(3, "few"), *(pytest.param(n, "all", marks=pytest.mark.long) for n in (1, 2, 3, 4))]
+)
+def test_pieces_come_out_as_from_the_whole(on_ranks, ranks, which):
+    done = on_ranks(ranks, "pieces.py", which)
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.long
 def test_parts_may_be_those_of_metis(on_ranks):
     require("pymetis")
     done = on_ranks(3, "pieces.py", "metis")

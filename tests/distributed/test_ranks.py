@@ -91,32 +91,26 @@ def without_times(report):
     return re.sub(rb'"seconds": [^,}]*', b"", report)
 
 
-@pytest.fixture(scope="module")
-def serial(tmp_path_factory):
-    """The folder of the outputs of all runs in one process, and their exit codes."""
-    folder = tmp_path_factory.mktemp("serial")
-    return folder, in_one_process(folder, commands_of(folder, RUNS))
-
-
-@pytest.mark.parametrize("ranks", [3, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 2, 4, 8))])
-def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, serial, ranks):
-    expected, codes = serial
-    commands = commands_of(expected, RUNS, "--mpi")
-    done, ends = job(on_ranks, ranks, tmp_path, commands)
+@pytest.mark.parametrize(
+    ("ranks", "every"), [(3, 3), *(pytest.param(n, 1, marks=pytest.mark.long) for n in (1, 2, 3, 4, 8))]
+)
+def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, ranks, every):
+    """In the usual run of the tests one run in so many."""
+    runs = RUNS[::every]
+    alone, together = tmp_path / "alone", tmp_path / "together"
+    alone.mkdir()
+    together.mkdir()
+    assert set(in_one_process(alone, commands_of(alone, runs))) == {0}
+    done, ends = job(on_ranks, ranks, together, commands_of(alone, runs, "--mpi"))
     assert (done.returncode, done.stderr) == (0, "")
-    assert ends == codes
-    for i, run in enumerate(RUNS):
-        assert (tmp_path / f"{i}.vtk").read_bytes() == (expected / f"{i}.vtk").read_bytes(), run
-        reports = [(where / f"{i}.quality.json").read_bytes() for where in (tmp_path, expected)]
-        assert without_times(reports[0]) == without_times(reports[1]), run
-
-
-def test_vertices_moved_in_these_runs(serial):
-    folder, codes = serial
-    assert set(codes) == {0}
-    for i, (name, options) in enumerate(RUNS):
-        moved = (folder / f"{i}.vtk").read_bytes() != (folder / f"{name}.vtk").read_bytes()
-        assert moved == (name != "none" and "time-limit" not in options), RUNS[i]
+    assert set(ends) == {0}
+    for i, (name, options) in enumerate(runs):
+        meshes = [(folder / f"{i}.vtk").read_bytes() for folder in (together, alone)]
+        assert meshes[0] == meshes[1], runs[i]
+        moved = meshes[0] != (alone / f"{name}.vtk").read_bytes()
+        assert moved == (name != "none" and "time-limit" not in options), runs[i]
+        reports = [(folder / f"{i}.quality.json").read_bytes() for folder in (together, alone)]
+        assert without_times(reports[0]) == without_times(reports[1]), runs[i]
 
 
 def test_messages_come_once(tmp_path, on_ranks):

@@ -291,6 +291,7 @@ def test_no_place_for_a_cache_does_no_harm(tmp_path, monkeypatch):
     assert twice(3.0) == 6.0
 
 
+@pytest.mark.long
 def test_a_change_in_another_file_than_the_function_s_own_is_noticed(tmp_path):
     """numba looks at that file alone, though what it keeps has functions of other files in it."""
     package = Path(dvr_cli.__file__).parent
@@ -322,6 +323,7 @@ print(v[0], corner_terms.stats.cache_hits[corner_terms.signatures[0]])
     assert answer()[0] == "2.0"
 
 
+@pytest.mark.long
 def test_of_processes_that_take_turns_one_compiles(tmp_path):
     program = """
 from dvr_cli.jit import compile_in_turn

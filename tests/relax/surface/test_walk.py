@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 import trimesh
@@ -69,8 +71,17 @@ SURFACES = {
 }
 
 
-@pytest.mark.parametrize("kind", ["random", "steepest", "narrowing", "optimal"])
-@pytest.mark.parametrize("name", SURFACES)
+KINDS = ("random", "steepest", "narrowing", "optimal")
+USUAL = set(zip(SURFACES, KINDS, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        pytest.param(*pair, marks=[] if pair in USUAL else pytest.mark.long)
+        for pair in product(SURFACES, KINDS)
+    ],
+)
 def test_the_vector_never_decreases_after_any_batch(name, kind):
     mesh = SURFACES[name]()
     engine, domain = walkers(mesh, 0.05, 40.0)
