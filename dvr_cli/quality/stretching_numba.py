@@ -9,6 +9,8 @@ from dvr_cli.quality.stretching import LIKELY, SEED
 
 _LEVEL = np.log(LIKELY)
 _ALLOWED = np.log(SEED) * (1.0 - 1e-9)  # a bound, to rounding
+_SLIVER = 0.2  # quality below which a cell is bounded by itself: measured, this leaves fewest vertices
+_FAR = 127  # rings, or more
 _FLAT = 1e-14  # least eigenvalue of A Aᵀ, relative to the largest, that is told from zero
 _ALIKE = 1e-3  # relative difference of eigenvalues below which their logarithms differ as they do
 
@@ -25,9 +27,7 @@ def averaged(values: np.ndarray, vertices: np.ndarray, start: np.ndarray, n_poin
                 count[vertices[c, k]] += 1.0
                 for i in range(parts):
                     total[vertices[c, k], i] += values[cell, i]
-    for vertex in range(n_points):
-        for i in range(parts):
-            total[vertex, i] /= max(count[vertex], 1.0)
+    _divide(total, count)
     result = np.zeros((n, parts))
     for k in range(width):
         for cell in range(n):
@@ -53,91 +53,90 @@ def candidates(
     """As ``stretching.candidates``, of these only what averages of L to a few digits leave.
 
     The third average in a cell is one of those at vertices (T) within two rings of it, so that its aspect is
-    not above the largest of theirs.
+    not above the largest of theirs. Bounds that cost less tell where these are looked at.
     """
     n, n_points, width = len(start) - 1, len(points), vertices.shape[1]
-    result = _allowed_by_quality(vertices, start, quality, positive, n_points)
+    count, by_quality = np.zeros(n_points), np.zeros(n_points)
+    result = _allowed_by_quality(vertices, start, quality, positive, count, by_quality)
     if not result.any():
         return result
-    wanted = np.zeros(n_points, dtype=np.bool_)
-    _mark(vertices, start, result, wanted)
-    for _ in range(2):
-        _mark(vertices, start, _with_marked(vertices, start, wanted), wanted)
-    parts = width * (width - 1) // 2
-    here = np.empty(parts)
-    count, total = np.zeros(n_points), np.zeros((n_points, parts))
-    touching = _with_marked(vertices, start, wanted)
+    rings = np.full(n_points, _FAR, dtype=np.int8)
     for cell in range(n):
-        if not touching[cell]:
-            continue
-        here[:] = 0.0
-        if positive[cell]:
-            for c in range(start[cell], start[cell + 1]):
-                if width == 3:
-                    _add_stretching_2d(points, vertices, c, root, shapes[c, 0], here)
-                else:
-                    _add_stretching_3d(points, vertices, c, root, shapes[c, 0], here)
-        for i in range(parts):
-            here[i] /= start[cell + 1] - start[cell]
-        for c in range(start[cell], start[cell + 1]):
-            for k in range(width):
-                count[vertices[c, k]] += 1.0
-                for i in range(parts):
-                    total[vertices[c, k], i] += here[i]
-    rings = np.full(n_points, 9, dtype=np.int8)  # from a vertex whose average has such an aspect
+        if result[cell]:
+            _put(vertices, start, cell, rings, 0)
+    least = np.full(n, _FAR, dtype=np.int8)
+    every = np.arange(n)
+    for ring in range(3):
+        _spread(vertices, start, every, rings, least, ring)
+    near = np.flatnonzero(least < _FAR)
     found = False
+    for vertex in range(n_points):  # from now on rings are counted from vertices with such an average
+        rings[vertex] = 0 if rings[vertex] <= 2 and by_quality[vertex] >= _LEVEL else _FAR
+        found = found or rings[vertex] == 0
+    if found:
+        bounds = np.zeros((n_points, 4 if width == 3 else 13))
+        _sum_bounds(points, vertices, shapes, start, root, quality, positive, near, rings, bounds)
+        for vertex in range(n_points):
+            if rings[vertex] == 0 and _bound(bounds[vertex], count[vertex]) < _LEVEL:
+                rings[vertex] = _FAR
+    parts = width * (width - 1) // 2
+    total = np.zeros((n_points, parts))
+    _sum_stretching(points, vertices, shapes, start, root, positive, near, rings, total)
     for vertex in range(n_points):
-        for i in range(parts):
-            total[vertex, i] /= max(count[vertex], 1.0)
-        if wanted[vertex] and _log_aspect(total[vertex]) >= _LEVEL:
-            rings[vertex] = 0
-            found = True
+        if rings[vertex] == 0 and _log_aspect(total[vertex]) < _LEVEL * count[vertex]:
+            rings[vertex] = _FAR
+    least[:] = _FAR
+    for ring in range(3):
+        _spread(vertices, start, near, rings, least, ring)
+    found = False
+    for cell in near:
+        result[cell] = result[cell] and least[cell] <= 2
+        found = found or result[cell]
     if not found:
-        return np.zeros(n, dtype=np.bool_)
-    least = np.empty(n, dtype=np.int8)
-    for ring in range(4):
-        _least_of_cells(rings, vertices, start, least)
-        for cell in range(n):
-            if least[cell] == ring:
-                for c in range(start[cell], start[cell + 1]):
-                    for k in range(width):
-                        rings[vertices[c, k]] = min(rings[vertices[c, k]], ring + 1)
-    _least_of_cells(rings, vertices, start, least)
+        return result
+    for ring in range(3, 6):
+        _spread(vertices, start, near, rings, least, ring)
+    total[:] = 0.0
+    _sum_stretching(points, vertices, shapes, start, root, positive, near, rings, total)
+    _divide(total, count)
     for away in (4, 3):
-        total = _averaged_within(total, count, vertices, start, least, away)
-    for cell in range(n):
-        if result[cell] and least[cell] <= 2:
+        total = _averaged_within(total, count, vertices, start, near, least, away)
+    here = np.empty(parts)
+    for cell in near:
+        if result[cell]:
             _mean_of_cell(total, vertices, start, cell, here)
             result[cell] = _log_aspect(here) >= _LEVEL
-        else:
-            result[cell] = False
     return result
 
 
-@compiled
+@part
 def _allowed_by_quality(
-    vertices: np.ndarray, start: np.ndarray, quality: np.ndarray, positive: np.ndarray, n_points: int
+    vertices: np.ndarray,
+    start: np.ndarray,
+    quality: np.ndarray,
+    positive: np.ndarray,
+    count: np.ndarray,
+    first: np.ndarray,
 ) -> np.ndarray:
     """(n,) bool: the cells that the third average of what each corner's quality allows does not exclude.
 
     The average of aspects, in their logarithms, is not below the aspect of an average of L. Each is at most
-    the largest before it, so that most meshes end after the first.
+    the largest before it, so that most meshes end after the first. ``first`` (N,) is filled with that, and
+    ``count`` with the number of corners of each vertex.
     """
     n, width = len(start) - 1, vertices.shape[1]
-    value, total, count = np.zeros(n), np.zeros(n_points), np.zeros(n_points)
-    largest = 0.0
+    value = np.zeros(n)
     for cell in range(n):
         if positive[cell]:
             for c in range(start[cell], start[cell + 1]):
-                q = quality[c]
-                x = 1.0 / (q if width == 3 else q * np.sqrt(q))  # α + 1/α ≤ 2 x
-                value[cell] += np.log(x + np.sqrt(max(x * x - 1.0, 0.0)))
+                value[cell] += _largest_log_aspect(quality[c], width)
             value[cell] /= start[cell + 1] - start[cell]
-            largest = max(largest, value[cell])
+    if value.max() < _ALLOWED:
+        return np.zeros(n, dtype=np.bool_)
+    total = first
     for average in range(3):
-        if largest < _ALLOWED:
-            return np.zeros(n, dtype=np.bool_)
-        total[:] = 0.0
+        if average > 0:
+            total = np.zeros(len(count))
         for cell in range(n):
             for c in range(start[cell], start[cell + 1]):
                 for k in range(width):
@@ -145,9 +144,11 @@ def _allowed_by_quality(
                     if average == 0:
                         count[vertices[c, k]] += 1.0
         largest = 0.0
-        for vertex in range(n_points):
+        for vertex in range(len(count)):
             total[vertex] /= max(count[vertex], 1.0)
             largest = max(largest, total[vertex])
+        if largest < _ALLOWED:
+            return np.zeros(n, dtype=np.bool_)
         for cell in range(n):
             value[cell] = 0.0
             for c in range(start[cell], start[cell + 1]):
@@ -157,35 +158,163 @@ def _allowed_by_quality(
     return value >= _ALLOWED
 
 
-@compiled
-def _mark(vertices: np.ndarray, start: np.ndarray, cells: np.ndarray, marked: np.ndarray) -> None:
-    """Mark the vertices of ``cells`` ((n,) bool) in ``marked`` (N,)."""
-    for cell in range(len(cells)):
-        if cells[cell]:
-            for c in range(start[cell], start[cell + 1]):
-                for k in range(vertices.shape[1]):
-                    marked[vertices[c, k]] = True
-
-
-@compiled
-def _with_marked(vertices: np.ndarray, start: np.ndarray, marked: np.ndarray) -> np.ndarray:
-    """(n,) bool: the cells with a vertex that is marked."""
-    result = np.zeros(len(start) - 1, dtype=np.bool_)
-    for cell in range(len(result)):
-        for c in range(start[cell], start[cell + 1]):
-            for k in range(vertices.shape[1]):
-                result[cell] |= marked[vertices[c, k]]
-    return result
+@inlined
+def _largest_log_aspect(quality: float, width: int) -> float:
+    """As ``stretching``'s, of one corner of positive quality with so many vertices."""
+    x = 1.0 / (quality if width == 3 else quality * np.sqrt(quality))  # α + 1/α ≤ 2 x
+    return np.log(x + np.sqrt(max(x * x - 1.0, 0.0)))
 
 
 @part
-def _least_of_cells(rings: np.ndarray, vertices: np.ndarray, start: np.ndarray, least: np.ndarray) -> None:
-    """Fill ``least`` (n,) with the smallest of ``rings`` (N,) among the vertices of each cell."""
-    for cell in range(len(least)):
-        least[cell] = 9
+def _sum_bounds(
+    points: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
+    start: np.ndarray,
+    root: np.ndarray,
+    quality: np.ndarray,
+    positive: np.ndarray,
+    cells: np.ndarray,
+    rings: np.ndarray,
+    total: np.ndarray,
+) -> None:
+    """Sum over the corners of ``cells`` at each vertex that is not _FAR in ``rings`` what ``_bound`` takes.
+
+    That is S = A Aᵀ of determinant 1, in space S⁻¹, and last ln α of slivers. Their S would outweigh those
+    of all others, so that the identity stands for it.
+    """
+    width, parts = vertices.shape[1], total.shape[1]
+    here = np.empty(parts)
+    for cell in cells:
+        if not _has(vertices, start, rings, cell, _FAR - 1):
+            continue
+        here[:] = 0.0
         for c in range(start[cell], start[cell + 1]):
-            for k in range(vertices.shape[1]):
-                least[cell] = min(least[cell], rings[vertices[c, k]])
+            if positive[cell] and quality[c] >= _SLIVER:
+                if width == 3:
+                    _add_square_2d(points, vertices, c, root, shapes[c, 0], quality[c], here)
+                else:
+                    _add_squares_3d(points, vertices, c, root, shapes[c, 0], quality[c], here)
+                continue
+            for i in range(width - 1):
+                here[i] += 1.0
+                if width == 4:
+                    here[i + 6] += 1.0
+            if positive[cell]:
+                here[parts - 1] += _largest_log_aspect(quality[c], width)
+        share = 1.0 / (start[cell + 1] - start[cell])
+        for i in range(parts):
+            here[i] *= share
+        for c in range(start[cell], start[cell + 1]):
+            for k in range(width):
+                if rings[vertices[c, k]] < _FAR:
+                    for i in range(parts):
+                        total[vertices[c, k], i] += here[i]
+
+
+@inlined
+def _bound(total: np.ndarray, count: float) -> float:
+    """No less than ln α of the average of L around a vertex, from the sums of ``_sum_bounds``.
+
+    The logarithm is concave, so that the average of ln S is at most that of the average of S, and the
+    average of L at most the logarithm of that of S⁻¹. In the plane both have the same eigenvalues.
+    """
+    if len(total) == 4:
+        half = (total[0] - total[1]) / 2.0
+        high = (total[0] + total[1]) / 2.0 + np.sqrt(half * half + total[2] * total[2])
+        return np.log(high / count) + total[3] / count
+    norms = _squared_norm(total, 0) * _squared_norm(total, 6)
+    rough = np.log(norms / (count * count * count * count)) / 4.0 + total[12] / count
+    if rough < _LEVEL:
+        return rough
+    _, _, high = _eigenvalues(total[0], total[1], total[2], total[3], total[4], total[5])
+    _, _, inverse = _eigenvalues(total[6], total[7], total[8], total[9], total[10], total[11])
+    return np.log(high * inverse / (count * count)) / 2.0 + total[12] / count
+
+
+@inlined
+def _squared_norm(total: np.ndarray, i: int) -> float:
+    """Σ_jk S_jk² of the matrix whose diagonal and upper triangle begin at i."""
+    diagonal = total[i] * total[i] + total[i + 1] * total[i + 1] + total[i + 2] * total[i + 2]
+    upper = total[i + 3] * total[i + 3] + total[i + 4] * total[i + 4] + total[i + 5] * total[i + 5]
+    return diagonal + 2.0 * upper
+
+
+@part
+def _sum_stretching(
+    points: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
+    start: np.ndarray,
+    root: np.ndarray,
+    positive: np.ndarray,
+    cells: np.ndarray,
+    rings: np.ndarray,
+    total: np.ndarray,
+) -> None:
+    """Sum L over the corners of ``cells`` at each vertex that is not _FAR in ``rings`` (N,)."""
+    width, parts = vertices.shape[1], total.shape[1]
+    here = np.empty(parts)
+    for cell in cells:
+        if not positive[cell] or not _has(vertices, start, rings, cell, _FAR - 1):
+            continue
+        here[:] = 0.0
+        for c in range(start[cell], start[cell + 1]):
+            if width == 3:
+                _add_stretching_2d(points, vertices, c, root, shapes[c, 0], here)
+            else:
+                _add_stretching_3d(points, vertices, c, root, shapes[c, 0], here)
+        share = 1.0 / (start[cell + 1] - start[cell])
+        for c in range(start[cell], start[cell + 1]):
+            for k in range(width):
+                if rings[vertices[c, k]] < _FAR:
+                    for i in range(parts):
+                        total[vertices[c, k], i] += here[i] * share
+
+
+@part
+def _spread(
+    vertices: np.ndarray,
+    start: np.ndarray,
+    cells: np.ndarray,
+    rings: np.ndarray,
+    least: np.ndarray,
+    ring: int,
+) -> None:
+    """Put ``ring`` into ``least`` (n,) for those of ``cells`` that have a vertex with that in ``rings`` (N,).
+
+    Those that have less than _FAR already keep it. Other vertices of these cells are a ring farther away.
+    """
+    for cell in cells:
+        if least[cell] == _FAR and _has(vertices, start, rings, cell, ring):
+            least[cell] = ring
+            _put(vertices, start, cell, rings, ring + 1)
+
+
+@inlined
+def _put(vertices: np.ndarray, start: np.ndarray, cell: int, rings: np.ndarray, ring: int) -> None:
+    """Lower ``rings`` (N,) of the vertices of a cell to ``ring``."""
+    for c in range(start[cell], start[cell + 1]):
+        for k in range(vertices.shape[1]):
+            rings[vertices[c, k]] = min(rings[vertices[c, k]], ring)
+
+
+@inlined
+def _has(vertices: np.ndarray, start: np.ndarray, rings: np.ndarray, cell: int, most: int) -> bool:
+    """True if a vertex of a cell has no more than ``most`` in ``rings`` (N,)."""
+    for c in range(start[cell], start[cell + 1]):
+        for k in range(vertices.shape[1]):
+            if rings[vertices[c, k]] <= most:
+                return True
+    return False
+
+
+@inlined
+def _divide(total: np.ndarray, count: np.ndarray) -> None:
+    """Divide sums (N, k) by their numbers (N,); of none they stay zero."""
+    for vertex in range(len(total)):
+        for i in range(total.shape[1]):
+            total[vertex, i] /= max(count[vertex], 1.0)
 
 
 @part
@@ -194,22 +323,23 @@ def _averaged_within(
     count: np.ndarray,
     vertices: np.ndarray,
     start: np.ndarray,
+    cells: np.ndarray,
     least: np.ndarray,
     away: int,
 ) -> np.ndarray:
-    """Values of vertices (N, k) averaged to cells and back, over cells no more than ``away`` rings away."""
+    """Values of vertices (N, k) averaged to cells and back, over those of ``cells`` with ``least`` (n,) no
+    more than ``away``.
+    """
     result = np.zeros_like(total)
     here = np.empty(total.shape[1])
-    for cell in range(len(least)):
+    for cell in cells:
         if least[cell] <= away:
             _mean_of_cell(total, vertices, start, cell, here)
             for c in range(start[cell], start[cell + 1]):
                 for k in range(vertices.shape[1]):
                     for i in range(len(here)):
                         result[vertices[c, k], i] += here[i]
-    for vertex in range(len(result)):
-        for i in range(len(here)):
-            result[vertex, i] /= max(count[vertex], 1.0)
+    _divide(result, count)
     return result
 
 
@@ -228,16 +358,83 @@ def _mean_of_cell(
 
 
 @inlined
-def _add_stretching_2d(
-    points: np.ndarray, vertices: np.ndarray, c: int, root: np.ndarray, k: int, here: np.ndarray
+def _add_square_2d(
+    points: np.ndarray,
+    vertices: np.ndarray,
+    c: int,
+    root: np.ndarray,
+    k: int,
+    quality: float,
+    here: np.ndarray,
 ) -> None:
-    """Add L of corner c, its diagonal and then its upper triangle; k: the row of its target."""
+    """Add S = A Aᵀ of corner c, of determinant 1; k: the row of its target."""
+    xx, yy, xy = _square_2d(points, vertices, c, root, k)
+    scale = 2.0 / ((xx + yy) * quality)
+    here[0] += xx * scale
+    here[1] += yy * scale
+    here[2] += xy * scale
+
+
+@inlined
+def _add_squares_3d(
+    points: np.ndarray,
+    vertices: np.ndarray,
+    c: int,
+    root: np.ndarray,
+    k: int,
+    quality: float,
+    here: np.ndarray,
+) -> None:
+    """As ``_add_square_2d``, and S⁻¹, which is the adjugate of S then."""
+    xx, yy, zz, xy, xz, yz = _square_3d(points, vertices, c, root, k)
+    scale = 3.0 / ((xx + yy + zz) * quality)
+    xx, yy, zz, xy, xz, yz = xx * scale, yy * scale, zz * scale, xy * scale, xz * scale, yz * scale
+    here[0] += xx
+    here[1] += yy
+    here[2] += zz
+    here[3] += xy
+    here[4] += xz
+    here[5] += yz
+    here[6] += yy * zz - yz * yz
+    here[7] += xx * zz - xz * xz
+    here[8] += xx * yy - xy * xy
+    here[9] += xz * yz - xy * zz
+    here[10] += xy * yz - xz * yy
+    here[11] += xy * xz - xx * yz
+
+
+@inlined
+def _square_2d(
+    points: np.ndarray, vertices: np.ndarray, c: int, root: np.ndarray, k: int
+) -> tuple[float, float, float]:
+    """The diagonal and the upper triangle of A Aᵀ of corner c; k: the row of its target."""
     o, p, q = vertices[c, 0], vertices[c, 1], vertices[c, 2]
     e0, f0 = points[p, 0] - points[o, 0], points[q, 0] - points[o, 0]
     e1, f1 = points[p, 1] - points[o, 1], points[q, 1] - points[o, 1]
     a0, a1 = e0 * root[k, 0, 0] + f0 * root[k, 1, 0], e0 * root[k, 0, 1] + f0 * root[k, 1, 1]
     b0, b1 = e1 * root[k, 0, 0] + f1 * root[k, 1, 0], e1 * root[k, 0, 1] + f1 * root[k, 1, 1]
-    xx, yy, xy = a0 * a0 + a1 * a1, b0 * b0 + b1 * b1, a0 * b0 + a1 * b1
+    return a0 * a0 + a1 * a1, b0 * b0 + b1 * b1, a0 * b0 + a1 * b1
+
+
+@inlined
+def _square_3d(
+    points: np.ndarray, vertices: np.ndarray, c: int, root: np.ndarray, k: int
+) -> tuple[float, float, float, float, float, float]:
+    """As ``_square_2d``."""
+    a0, a1, a2 = _row(points, vertices, c, 0, root, k)
+    b0, b1, b2 = _row(points, vertices, c, 1, root, k)
+    c0, c1, c2 = _row(points, vertices, c, 2, root, k)
+    xx, yy, zz = a0 * a0 + a1 * a1 + a2 * a2, b0 * b0 + b1 * b1 + b2 * b2, c0 * c0 + c1 * c1 + c2 * c2
+    xy, xz, yz = a0 * b0 + a1 * b1 + a2 * b2, a0 * c0 + a1 * c1 + a2 * c2, b0 * c0 + b1 * c1 + b2 * c2
+    return xx, yy, zz, xy, xz, yz
+
+
+@inlined
+def _add_stretching_2d(
+    points: np.ndarray, vertices: np.ndarray, c: int, root: np.ndarray, k: int, here: np.ndarray
+) -> None:
+    """Add L of corner c, its diagonal and then its upper triangle; k: the row of its target."""
+    xx, yy, xy = _square_2d(points, vertices, c, root, k)
     mean, half = (xx + yy) / 2.0, (xx - yy) / 2.0
     radius = np.sqrt(half * half + xy * xy)
     if radius > 0.0:
@@ -252,11 +449,7 @@ def _add_stretching_3d(
     points: np.ndarray, vertices: np.ndarray, c: int, root: np.ndarray, k: int, here: np.ndarray
 ) -> None:
     """As ``_add_stretching_2d``."""
-    a0, a1, a2 = _row(points, vertices, c, 0, root, k)
-    b0, b1, b2 = _row(points, vertices, c, 1, root, k)
-    c0, c1, c2 = _row(points, vertices, c, 2, root, k)
-    xx, yy, zz = a0 * a0 + a1 * a1 + a2 * a2, b0 * b0 + b1 * b1 + b2 * b2, c0 * c0 + c1 * c1 + c2 * c2
-    xy, xz, yz = a0 * b0 + a1 * b1 + a2 * b2, a0 * c0 + a1 * c1 + a2 * c2, b0 * c0 + b1 * c1 + b2 * c2
+    xx, yy, zz, xy, xz, yz = _square_3d(points, vertices, c, root, k)
     low, middle, high = _eigenvalues(xx, yy, zz, xy, xz, yz)
     if not high > 0.0:
         return
