@@ -36,7 +36,7 @@ from dvr_cli.mesh.region_choice import regions_of
 from dvr_cli.quality.limits import HeldBy, Limit, limit_of
 from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities
 from dvr_cli.quality.measure import Quality
-from dvr_cli.quality.stretching import any_seeds
+from dvr_cli.quality.stretching import REACH, any_seeds
 from dvr_cli.relax.directions import direction_field
 from dvr_cli.relax.engines.choice import KINDS
 from dvr_cli.relax.phases import TANGLED
@@ -44,7 +44,6 @@ from dvr_cli.relax.sweeps import Sweep
 from dvr_cli.report.records import MeshSummary, ShapeUse, SmoothReport, summarise
 
 _DIRECTIONS = ("random", "x", "y", "z", "axis", "steepest", "narrowing", "optimal")
-_REACH = 3  # steps between cells with a common vertex that the search for layers looks
 
 
 class Task(NamedTuple):
@@ -181,7 +180,7 @@ def _positive_domain(comm: Any, local: Local, backend: Any) -> Domain | None:
 
 def _has_layers(comm: Any, store: Store, backend: Any) -> bool:
     """True on all ranks if any has cells whose stretching is coherent: whether to keep them is not said."""
-    cells = store.within(_REACH)
+    cells = store.within(REACH)
     none = CellRows(*(column[:0] for column in store.lower))
     domain = domain_of(store.local(cells, none).mesh, backend=backend)
     repeated = len(domain.repeated) > 0

@@ -25,6 +25,7 @@ GROWN = 1.5  # aspect down to which it spreads, averaged twice
 LIKELY = 4.75  # aspect from which a rough estimate leaves a cell among those that may be seeds
 KEPT = 2.0  # aspect from which a cell is kept, its own and that averaged twice
 ORDERLY = 0.8  # share of the flat cells around, averaged three times, that are orderly where a seed counts
+REACH = 4  # rings around a cell that it depends on whether it is a seed: three averages, and neighbours there
 _FEWEST = 8  # cells of any type that make a sheet
 
 
@@ -43,8 +44,7 @@ def coherent(domain: Domain, quality: np.ndarray | None = None) -> Targets | Non
     if not possible.any():
         return None
     cells = _Cells(domain)
-    seeds = _seeds(domain, cells, quality, positive)
-    seeds = seeds[_in_order(domain, cells, possible, seeds)]
+    seeds = _seeds(domain, cells, quality, positive, possible)
     sheets = _in_sheets(domain, cells, possible)
     if not len(seeds) and not sheets.any():
         return None
@@ -60,15 +60,15 @@ def coherent(domain: Domain, quality: np.ndarray | None = None) -> Targets | Non
 
 
 def any_seeds(domain: Domain, among: np.ndarray) -> bool:
-    """True if any of the tetrahedra marked in ``among`` ((n,) bool) may be a seed of what is kept.
+    """True if any of the tetrahedra marked in ``among`` ((n,) bool) is a seed of what is kept.
 
-    domain: these, and all that can be reached from them in three steps between cells with a common vertex.
-    That does not suffice to tell whether those around a seed are orderly. Tetrahedra make no sheets, so
-    without a seed in the whole mesh none is kept.
+    domain: these, and all that can be reached from them in REACH steps between cells with a common vertex.
+    Tetrahedra make no sheets, so without a seed in the whole mesh none is kept.
     """
     quality = corner_qualities(domain.points, domain.corners, domain.backend)
     positive = quality > FORMED[domain.dimension]
-    return bool(among[_seeds(domain, _Cells(domain), quality, positive, among)].any())
+    possible = positive & (quality <= _best_quality(SEED, domain.dimension))
+    return len(_seeds(domain, _Cells(domain), quality, positive, possible, among)) > 0
 
 
 def _seeds(
@@ -76,21 +76,23 @@ def _seeds(
     cells: _Cells,
     quality: np.ndarray,
     positive: np.ndarray,
+    possible: np.ndarray,
     among: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The cells, by number, that are stretched so much and so coherently that they may be kept.
+    """The cells, by number, that are stretched so much, so coherently and in such order that they are kept.
 
-    quality: (C,) of the corners. positive: (n,) bool, the cells that have a shape. among: (n,) bool, the
-    cells that are asked about, by default all.
+    quality: (C,) of the corners. positive: (n,) bool, the cells that have a shape; possible: those that may
+    be flat. among: (n,) bool, the cells that are asked about, by default all.
     """
     corners, points = domain.corners, domain.points
     parts = corners.vertices, corners.shapes, corners.start, roots(corners.table)
-    possible = domain.backend.twin(candidates)(points, *parts, quality, positive)
-    likely = np.flatnonzero(possible if among is None else possible & among)
+    stretched = domain.backend.twin(candidates)(points, *parts, quality, positive)
+    likely = np.flatnonzero(stretched if among is None else stretched & among)
     if not len(likely):
         return likely
     stretching = cells.from_corners(_stretching(points, corners, cells.around(likely) & positive))
-    return likely[_log_aspect(cells.thrice(stretching)[likely]) >= np.log(SEED)]
+    seeds = likely[_log_aspect(cells.thrice(stretching)[likely]) >= np.log(SEED)]
+    return seeds[_in_order(domain, cells, possible, seeds)]
 
 
 class _Cells:
@@ -156,7 +158,7 @@ def _in_order(domain: Domain, cells: _Cells, possible: np.ndarray, seeds: np.nda
         return np.zeros(0, dtype=bool)
     from dvr_cli.quality.sheets import orderly
 
-    near = possible & cells.around(seeds, 4)  # neighbours of all that the third average depends on
+    near = possible & cells.around(seeds, REACH)
     stretching = cells.from_corners(_stretching(domain.points, domain.corners, near))
     flat = near & (_log_aspect(stretching) >= np.log(SEED))
     size = cells.from_corners(_log_size(domain.points, domain.corners, flat))

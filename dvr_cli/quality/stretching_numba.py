@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from dvr_cli.jit import compiled, inlined, part
@@ -13,6 +15,18 @@ _SLIVER = 0.2  # quality below which a cell is bounded by itself: measured, this
 _FAR = 127  # rings, or more
 _FLAT = 1e-14  # least eigenvalue of A Aᵀ, relative to the largest, that is told from zero
 _ALIKE = 1e-3  # relative difference of eigenvalues below which their logarithms differ as they do
+
+
+class _Arrays(NamedTuple):
+    """The arguments of ``candidates``."""
+
+    points: np.ndarray
+    vertices: np.ndarray
+    shapes: np.ndarray
+    start: np.ndarray
+    root: np.ndarray
+    quality: np.ndarray
+    positive: np.ndarray
 
 
 @compiled
@@ -55,6 +69,7 @@ def candidates(
     The third average in a cell is one of those at vertices (T) within two rings of it, so that its aspect is
     not above the largest of theirs. Bounds that cost less tell where these are looked at.
     """
+    mesh = _Arrays(points, vertices, shapes, start, root, quality, positive)
     n, n_points, width = len(start) - 1, len(points), vertices.shape[1]
     count, by_quality = np.zeros(n_points), np.zeros(n_points)
     result = _allowed_by_quality(vertices, start, quality, positive, count, by_quality)
@@ -75,13 +90,13 @@ def candidates(
         found = found or rings[vertex] == 0
     if found:
         bounds = np.zeros((n_points, 4 if width == 3 else 13))
-        _sum_bounds(points, vertices, shapes, start, root, quality, positive, near, rings, bounds)
+        _sum_bounds(mesh, near, rings, bounds)
         for vertex in range(n_points):
             if rings[vertex] == 0 and _bound(bounds[vertex], count[vertex]) < _LEVEL:
                 rings[vertex] = _FAR
     parts = width * (width - 1) // 2
     total = np.zeros((n_points, parts))
-    _sum_stretching(points, vertices, shapes, start, root, positive, near, rings, total)
+    _sum_stretching(mesh, near, rings, total)
     for vertex in range(n_points):
         if rings[vertex] == 0 and _log_aspect(total[vertex]) < _LEVEL * count[vertex]:
             rings[vertex] = _FAR
@@ -89,7 +104,7 @@ def candidates(
     for ring in range(3):
         _spread(vertices, start, near, rings, least, ring)
     found = False
-    for cell in near:
+    for cell in range(n):
         result[cell] = result[cell] and least[cell] <= 2
         found = found or result[cell]
     if not found:
@@ -97,12 +112,12 @@ def candidates(
     for ring in range(3, 6):
         _spread(vertices, start, near, rings, least, ring)
     total[:] = 0.0
-    _sum_stretching(points, vertices, shapes, start, root, positive, near, rings, total)
+    _sum_stretching(mesh, near, rings, total)
     _divide(total, count)
     for away in (4, 3):
         total = _averaged_within(total, count, vertices, start, near, least, away)
     here = np.empty(parts)
-    for cell in near:
+    for cell in range(n):
         if result[cell]:
             _mean_of_cell(total, vertices, start, cell, here)
             result[cell] = _log_aspect(here) >= _LEVEL
@@ -166,23 +181,13 @@ def _largest_log_aspect(quality: float, width: int) -> float:
 
 
 @part
-def _sum_bounds(
-    points: np.ndarray,
-    vertices: np.ndarray,
-    shapes: np.ndarray,
-    start: np.ndarray,
-    root: np.ndarray,
-    quality: np.ndarray,
-    positive: np.ndarray,
-    cells: np.ndarray,
-    rings: np.ndarray,
-    total: np.ndarray,
-) -> None:
+def _sum_bounds(mesh: _Arrays, cells: np.ndarray, rings: np.ndarray, total: np.ndarray) -> None:
     """Sum over the corners of ``cells`` at each vertex that is not _FAR in ``rings`` what ``_bound`` takes.
 
     That is S = A Aᵀ of determinant 1, in space S⁻¹, and last ln α of slivers. Their S would outweigh those
     of all others, so that the identity stands for it.
     """
+    points, vertices, shapes, start, root, quality, positive = mesh
     width, parts = vertices.shape[1], total.shape[1]
     here = np.empty(parts)
     for cell in cells:
@@ -241,18 +246,9 @@ def _squared_norm(total: np.ndarray, i: int) -> float:
 
 
 @part
-def _sum_stretching(
-    points: np.ndarray,
-    vertices: np.ndarray,
-    shapes: np.ndarray,
-    start: np.ndarray,
-    root: np.ndarray,
-    positive: np.ndarray,
-    cells: np.ndarray,
-    rings: np.ndarray,
-    total: np.ndarray,
-) -> None:
+def _sum_stretching(mesh: _Arrays, cells: np.ndarray, rings: np.ndarray, total: np.ndarray) -> None:
     """Sum L over the corners of ``cells`` at each vertex that is not _FAR in ``rings`` (N,)."""
+    points, vertices, shapes, start, root, _, positive = mesh
     width, parts = vertices.shape[1], total.shape[1]
     here = np.empty(parts)
     for cell in cells:

@@ -13,7 +13,7 @@ from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality import sheets, stretching
 from dvr_cli.quality.sheets import orderly
-from dvr_cli.quality.stretching import coherent
+from dvr_cli.quality.stretching import any_seeds, coherent
 from dvr_cli.quality.targets import FORMED
 from meshes import KINDS, delaunay, random_mesh
 from needs import require
@@ -294,6 +294,25 @@ def test_the_flat_hull_of_random_points_is_no_layer(n, dimension, seed, height, 
     found = coherent(domain)
     assert found is not None
     assert found.kept.sum() > 100
+
+
+def test_parts_of_a_mesh_have_its_seeds():
+    """Each part with all cells within REACH steps, the part asked about; and none where cells lie at random."""
+    whole = domain_of(grid("tetra", np.concatenate([[0.0, 0.002, 0.004], np.linspace(0.1, 1.0, 8)])))
+    rows = whole.cells[0].vertices
+    quality = _qualities(whole)
+    possible = quality > FORMED[3]
+    seeds = stretching._seeds(whole, stretching._Cells(whole), quality, possible, possible)
+    found = []
+    heights = whole.points[rows].mean(axis=1)[:, -1]
+    for part in np.array_split(np.argsort(heights), 12):
+        near = stretching._Cells(whole).around(part, stretching.REACH)
+        among = np.isin(np.flatnonzero(near), part)
+        found.append(any_seeds(domain_of(Mesh(whole.points, [Cells("tetra", rows[near])])), among))
+        assert found[-1] == bool(np.isin(part, seeds).any())
+    assert 0 < sum(found) < len(found)
+    flat = domain_of(delaunay(500, 3, 0, 0.05))
+    assert not any_seeds(flat, np.ones(len(flat.cell_ids), dtype=bool))
 
 
 @pytest.mark.parametrize(("kind", "n"), [("triangle", 14), ("tetra", 7)])
