@@ -297,7 +297,7 @@ def test_the_flat_hull_of_random_points_is_no_layer(n, dimension, seed, height, 
 
 
 def test_parts_of_a_mesh_have_its_seeds():
-    """Each part with all cells within REACH steps, the part asked about; and none where cells lie at random."""
+    """Each part with all cells within REACH steps is asked about its own; and a mesh of random points."""
     whole = domain_of(grid("tetra", np.concatenate([[0.0, 0.002, 0.004], np.linspace(0.1, 1.0, 8)])))
     rows = whole.cells[0].vertices
     quality = _qualities(whole)
