@@ -16,8 +16,6 @@ from dvr_cli.api.altitudes import altitude_bound
 from dvr_cli.api.boundary import Moves, change_of
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.mesh.domain import Domain
-from dvr_cli.quality.mean_ratio import mean_quality
-from dvr_cli.relax.care import level_of
 from dvr_cli.relax.directions import DirectionField, restrict_field
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.phases import Phase, PolishPhase
@@ -135,7 +133,7 @@ class Run:
             if self._options.keeps_altitude:
                 self._engine.keep_altitude(altitude_bound(self._domain, self.points, self._rounding))
             if self._options.takes_polish and self._engine.batches:
-                self._mean = mean_quality(self._engine.qualities())
+                self._mean = self._engine.mean(self._engine.qualities())
 
     def relax_patches(self) -> None:
         """Move the surroundings of the worst elements jointly."""
@@ -195,7 +193,7 @@ class Run:
 
         level: of care. reason: for which polishing had ended, and ends, unless this is cut short.
         """
-        floor = max(level, level_of(self._engine.qualities(), _KEPT, 0))
+        floor = max(level, self._engine.level(self._engine.qualities(), _KEPT, 0))
         remaining, hooks = self._remaining(), (self._on_sweep, self._interrupted)
         once = replace(remaining, max_iterations=min(1, remaining.max_iterations))
         aim = Aim(relative=True, by_ring=True)
@@ -204,7 +202,8 @@ class Run:
 
     def _costs_mean(self, outcome: Relaxation) -> bool:
         """True if a phase that came to its end leaves a lower mean than there was at the beginning."""
-        return not outcome.stopped_because.cuts_short and mean_quality(self._engine.qualities()) < self._mean
+        engine = self._engine
+        return not outcome.stopped_because.cuts_short and engine.mean(engine.qualities()) < self._mean
 
     @property
     def polished(self) -> bool:
@@ -255,7 +254,7 @@ class Run:
 
     def _level(self) -> float | None:
         """The level of care of the mesh as it is, None where it is too tangled for one."""
-        level = level_of(self._engine.qualities())
+        level = self._engine.level(self._engine.qualities())
         return level if level > 0.0 else None
 
     def _remaining(self) -> Stopping:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dvr_cli.api.altitudes import lowers_altitude
 from dvr_cli.api.boundary import moves_of
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.phases import Run
@@ -23,7 +24,7 @@ from dvr_cli.distributed.member import take_turns
 from dvr_cli.distributed.ranks import on_all
 from dvr_cli.distributed.rows import bounds, owner_of, sent
 from dvr_cli.distributed.share_engine import ShareEngine
-from dvr_cli.distributed.share_quality import View, quality_of
+from dvr_cli.distributed.share_quality import View, is_at_least, minima_of, quality_of
 from dvr_cli.distributed.share_reading import own_range, read_share, store_of
 from dvr_cli.distributed.share_writing import write_copy
 from dvr_cli.distributed.shared_parts import Share, share_of
@@ -70,13 +71,14 @@ class Hooks(NamedTuple):
 def takes(options: SmoothOptions) -> bool:
     """True if a run with these options needs no rank that has the whole mesh.
 
-    These are sweeps along directions that do not depend on the mesh as a whole.
+    These are all phases but patches and untangling, along directions that do not depend on the mesh as a
+    whole.
     """
     named = all(isinstance(entry, str) and entry in _DIRECTIONS for entry in options.entries)
     selects = bool(options.fix or options.only) or options.below is not None or options.vertices is not None
     return (
         named
-        and not (options.is_free or options.takes_patches or options.takes_polish or options.untangle)
+        and not (options.takes_patches or options.untangle)
         and not selects
         and options.metric is None
         and len(options.region_choice) == 0
@@ -200,11 +202,19 @@ def _smoothed(
     everywhere = np.ones(len(local.index), dtype=bool)
     moves = moves_of(local.mesh, domain, options.boundary, everywhere, options.feature_angle)
     run = Run(domain, moves, engine, options, hooks.on_sweep, _asked(comm, hooks.interrupted), 0.0)
+    if options.takes_descent and engine.batches:
+        run.descend()
     run.relax(field)
+    if options.takes_polish:
+        run.polish(before.q1 or 0.0)
+    if options.polish is None and run.polished:
+        minima = minima_of(view, run.points), minima_of(view, domain.points)
+        if not is_at_least(comm, *minima):
+            run.undo_polish()
     points = run.points
     after = quality_of(comm, view, points, task.vector)
     seconds = time.perf_counter() - start
-    if is_worse(after, before):
+    if is_worse(after, before) or (options.keeps_altitude and lowers_altitude(after, before)):
         return None, points
     unmoved = _agree(comm, np.array_equal(points, domain.points))
     limited_by = None

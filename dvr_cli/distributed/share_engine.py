@@ -11,7 +11,11 @@ from typing import Any
 import numpy as np
 
 from dvr_cli.distributed.member import Member, member_of
+from dvr_cli.distributed.share_quality import is_at_least, of_rank
 from dvr_cli.distributed.shared_parts import Share
+from dvr_cli.mesh.sums import mean_of_total, total
+from dvr_cli.quality.level import LEAST, WORST, place_of_level
+from dvr_cli.quality.mean_ratio import EXPONENT
 from dvr_cli.relax.directions import DirectionField
 from dvr_cli.relax.engines.choice import EngineKind
 from dvr_cli.relax.engines.engine import Engine
@@ -22,9 +26,12 @@ from dvr_cli.relax.steepest import Ascent
 class ShareEngine(Engine):
     """Moves the vertices of a rank's share; ghosts follow those of other ranks after each batch.
 
-    Coordinates go in and come out in the order of the rank's mesh. All ranks have to call everything that
-    moves vertices or says something of the whole together.
+    Coordinates go in and come out in the order of the rank's mesh, qualities are those of corners and rings
+    that the rank answers for. All ranks have to call everything that moves vertices or says something of the
+    whole together.
     """
+
+    has_coordinates = False  # of what ghosts did one would have to ask
 
     def __init__(self, comm: Any, kind: EngineKind, share: Share, threads: int | None) -> None:
         """kind: of the engine on each rank. threads: of each rank, None for one."""
@@ -55,6 +62,35 @@ class ShareEngine(Engine):
         if worst == np.inf:
             return min(one[2] for one in same)
         return min(same, key=lambda one: one[1])[2]
+
+    def qualities(self) -> np.ndarray:
+        return self._member.engine.qualities()[self._share.part.first]
+
+    def ring_qualities(self, qualities: np.ndarray | None = None) -> np.ndarray:
+        return self._member.engine.ring_qualities()
+
+    def focused(self, active: np.ndarray) -> tuple[Engine, np.ndarray | None]:
+        return self, active
+
+    def mean(self, qualities: np.ndarray) -> float:
+        count = self._comm.allreduce(len(qualities))
+        return mean_of_total(self._comm.allreduce(total(qualities, EXPONENT)), count, EXPONENT)
+
+    def level(self, qualities: np.ndarray, share: float = WORST, least: int = LEAST) -> float:
+        place = place_of_level(self._comm.allreduce(len(qualities)), share, least)
+        return of_rank(self._comm, np.sort(qualities), np.array([place]))[0]
+
+    def lowest(self, values: np.ndarray) -> float:
+        return min(self._comm.allgather(float(values.min(initial=np.inf))))
+
+    def share(self, which: np.ndarray) -> float:
+        return float(self._comm.allreduce(int(which.sum())) / self._comm.allreduce(len(which)))
+
+    def any(self, which: np.ndarray) -> bool:
+        return any(self._comm.allgather(bool(which.any())))
+
+    def is_at_least(self, values: np.ndarray, before: np.ndarray) -> bool:
+        return is_at_least(self._comm, values, before)
 
     def directions(
         self, field: DirectionField, sweep: int, active: np.ndarray | None = None

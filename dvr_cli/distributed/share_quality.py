@@ -9,6 +9,7 @@ import numpy as np
 
 from dvr_cli.distributed.job import LEAD
 from dvr_cli.mesh.domain import Domain
+from dvr_cli.mesh.hashing import mixed
 from dvr_cli.mesh.sums import mean_of_total, total
 from dvr_cli.quality.mean_ratio import DEGENERATE, EXPONENT, corner_qualities
 from dvr_cli.quality.measure import HISTOGRAM_BINS, QUANTILES, Element, Quality, element_of, quantile_places
@@ -45,7 +46,7 @@ def quality_of(comm: Any, view: View, points: np.ndarray, vector: bool) -> Quali
     by_corner = corner_qualities(points, corners, domain.backend)
     elements = by_corner[view.cells]
     touched = view.relaxed[corners.vertices].any(axis=1)
-    minima = ring_minima(by_corner, corners, len(points), domain.backend)[view.own]
+    minima = _minima(view, points, by_corner)
     count = comm.allreduce(len(elements))
     counts, _ = np.histogram(np.clip(elements, 0.0, 1.0), bins=HISTOGRAM_BINS, range=(0.0, 1.0))
     mean = mean_of_total(comm.allreduce(total(elements, EXPONENT)), count, EXPONENT)
@@ -69,6 +70,41 @@ def quality_of(comm: Any, view: View, points: np.ndarray, vector: bool) -> Quali
         elements=np.empty(0),
         **_vector(comm, minima, view.index, vector),
     )
+
+
+def minima_of(view: View, points: np.ndarray) -> np.ndarray:
+    """(m,) the worst quality around each vertex that moves and the rank owns."""
+    return _minima(view, points, corner_qualities(points, view.domain.corners, view.domain.backend))
+
+
+def _minima(view: View, points: np.ndarray, by_corner: np.ndarray) -> np.ndarray:
+    domain = view.domain
+    return ring_minima(by_corner, domain.corners, len(points), domain.backend)[view.own]
+
+
+def is_at_least(comm: Any, values: np.ndarray, before: np.ndarray) -> bool:
+    """As ``vector.at_least`` of the vectors of all values of all ranks, and of all those before.
+
+    Each number gets a random one; sums of these up to a value are equal where the numbers up to it are. So
+    halving finds the first value that one has more often (any other sums of 64 bits are equal with a chance
+    of 2^-64).
+    """
+    keys = [np.sort(_keys(part)) for part in (values, before)]
+    sums = [np.concatenate([[np.uint64(0)], np.cumsum(mixed(part), dtype=np.uint64)]) for part in keys]
+
+    def differ(key: int) -> bool:
+        ends = [np.searchsorted(part, np.uint64(key), side="right") for part in keys]
+        mine = int(sums[0][ends[0]]) - int(sums[1][ends[1]])
+        return bool(comm.allreduce(mine) % (1 << 64))
+
+    if not differ((1 << 64) - 1):
+        return True
+    first = 0
+    for bit in range(63, -1, -1):
+        middle = first | 1 << bit
+        first = first if differ(middle - 1) else middle
+    counts = [comm.allreduce(int(np.searchsorted(part, np.uint64(first), side="right"))) for part in keys]
+    return bool(counts[0] < counts[1])
 
 
 def _least(comm: Any, values: np.ndarray) -> float | None:
@@ -103,11 +139,11 @@ def _quantiles(comm: Any, ordered: np.ndarray, count: int) -> dict[float, float]
     """The quantiles of the values of all ranks; ordered: this rank's, ascending; count: of all."""
     places, sides = quantile_places(count)
     wanted = sorted({k for side in sides.values() for k in side})
-    value = dict(zip(wanted, _of_rank(comm, ordered, np.array(wanted)), strict=True))
+    value = dict(zip(wanted, of_rank(comm, ordered, np.array(wanted)), strict=True))
     return {q: float(np.interp(places[q], sides[q], [value[k] for k in sides[q]])) for q in QUANTILES}
 
 
-def _of_rank(comm: Any, ordered: np.ndarray, wanted: np.ndarray) -> list[float]:
+def of_rank(comm: Any, ordered: np.ndarray, wanted: np.ndarray) -> list[float]:
     """The values at some places of the sorted values of all ranks, by halving the range of numbers.
 
     As 64 bits numbers have an order that is theirs, so 64 halvings find each.

@@ -14,15 +14,6 @@ from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.ring_qualities import RingQualities
 from dvr_cli.relax.stopping import Stopping, StopReason
 
-WORST = 0.004  # share of the elements that are below the level of care: patches can be paid for so many,
-LEAST = 32  # and so many they are at least
-
-
-def level_of(qualities: np.ndarray, share: float = WORST, least: int = LEAST) -> float:
-    """The quality that this share of elements with these qualities (C,) is below, but so many at least."""
-    place = min(max(int(share * len(qualities)), least), len(qualities) - 1)
-    return float(np.partition(qualities, place)[place])
-
 
 class Care:
     """The rings of an engine that are cared for in a sweep.
@@ -43,12 +34,12 @@ class Care:
     @property
     def q1(self) -> float:
         """Q1: the worst quality in any ring."""
-        return float(self._worst.min())
+        return self._engine.lowest(self._worst)
 
     @property
     def below(self) -> float:
         """The share of the rings that are below the level."""
-        return float((self._worst < self.level).mean())
+        return self._engine.share(self._worst < self.level)
 
     def update(self) -> None:
         """Look at the rings again after a sweep over those that are active."""
@@ -73,7 +64,7 @@ class Care:
 
     def reason(self, sweeps: int, seconds: float) -> StopReason | None:
         """The reason to stop now, or None, after so many sweeps and seconds."""
-        if not self.active.any():
+        if not self._engine.any(self.active):
             met = self._stopping.target is not None and self.q1 >= self._stopping.target
             return StopReason.TARGET if met else StopReason.CONVERGED
         return self._stopping.limit(sweeps, seconds)

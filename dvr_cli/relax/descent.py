@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dvr_cli.quality.vector import at_least
-from dvr_cli.relax.care import level_of
+from dvr_cli.quality.level import level_of
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.stopping import Stopping, StopReason
@@ -60,29 +59,29 @@ def descend(
     No quality falls below the Q1 of the start. Should the quality vector fall, the descent is undone.
     """
     start = engine.state()
-    floor, before = engine.q1(), np.sort(engine.ring_qualities())
+    floor, before = engine.q1(), engine.ring_qualities()
     hooks = on_sweep, interrupted
     if engine.problem.is_surface:
         slower = replace(stopping, tol=_GROWTH * stopping.tol)
         outcome = polish(engine, floor, slower, 0, *hooks, _aim_on_surface, Work(_PHASE, measure=_low_end))
         outcome = _kept(engine, outcome, start, before)
-        level = level_of(engine.qualities())
+        level = engine.level(engine.qualities())
         return Descent(outcome, floor, level if level > 0.0 else None, None)
     outcome = polish(engine, floor, stopping, 0, *hooks, work=Work(_PHASE, foresees=True))
-    dear = level_of(engine.qualities(), _DEAR)
+    dear = engine.level(engine.qualities(), _DEAR)
     if not outcome.stopped_because.cuts_short and dear > 0.0:
         done, aim = len(outcome.sweeps), Aim(dear, relative=True)
         rest = stopping.less(sum(sweep.seconds for sweep in outcome.sweeps))
         low = polish(engine, floor, rest, done, *hooks, aim, Work(_PHASE, _NEAR * dear, _low_end))
         outcome = Relaxation(low.points, outcome.sweeps + low.sweeps, low.stopped_because)
     outcome = _kept(engine, outcome, start, before)
-    level = level_of(engine.qualities())
+    level = engine.level(engine.qualities())
     return Descent(outcome, floor, *((level, dear) if level > 0.0 else (None, None)))
 
 
 def _kept(engine: Engine, outcome: Relaxation, start: State, before: np.ndarray) -> Relaxation:
     """``outcome``, undone if the quality vector is below ``before`` (m,); start: where all was then."""
-    if at_least(np.sort(engine.ring_qualities()), before):
+    if engine.is_at_least(engine.ring_qualities(), before):
         return outcome
     engine.restore(start)
     cut = outcome.stopped_because
@@ -94,5 +93,5 @@ def _aim_on_surface(qualities: np.ndarray) -> Aim:
     return Aim(max(level_of(qualities, _DEAR_ON_SURFACE), 0.0), stretch=_STRETCH)
 
 
-def _low_end(qualities: np.ndarray) -> float:
-    return level_of(qualities, _LOW_END, 0)
+def _low_end(engine: Engine, qualities: np.ndarray) -> float:
+    return engine.level(qualities, _LOW_END, 0)

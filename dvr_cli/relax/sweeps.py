@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from dvr_cli.quality.badness import badness_of
-from dvr_cli.quality.mean_ratio import mean_quality
 from dvr_cli.relax.care import Care
 from dvr_cli.relax.directions import DirectionField
 from dvr_cli.relax.engines.engine import Engine
@@ -105,17 +104,22 @@ def relax(
     return Relaxation(engine.points, sweeps, reason)
 
 
+def _mean(engine: Engine, qualities: np.ndarray) -> float:
+    return engine.mean(qualities)
+
+
 class Work(NamedTuple):
     """The work of a phase of polishing.
 
-    phase: its name in the sweeps. below: only rings with a worse quality are visited. measure: what of the
-    corners' qualities has to grow, by default their mean. foresees: whether the phase ends already where the
-    next sweep would let it grow too little, if its growth fell by as much again as it did in the last.
+    phase: its name in the sweeps. below: only rings with a worse quality are visited. measure: what of an
+    engine's qualities of corners has to grow, by default their mean. foresees: whether the phase ends already
+    where the next sweep would let it grow too little, if its growth fell by as much again as it did in the
+    last.
     """
 
     phase: str = "polish"
     below: float = np.inf
-    measure: Callable[[np.ndarray], float] = mean_quality
+    measure: Callable[[Engine, np.ndarray], float] = _mean
     foresees: bool = False
 
 
@@ -143,7 +147,7 @@ def polish(
     limit, measure = badness_of(floor, engine.problem.dimension), work.measure
     start = time.perf_counter()
     qualities = engine.qualities()
-    reached, growth = measure(qualities), 0.0
+    reached, growth = measure(engine, qualities), 0.0
     sweeps: list[Sweep] = []
     while len(sweeps) < stopping.max_iterations:
         sweep_start = time.perf_counter()
@@ -156,10 +160,10 @@ def polish(
             if (cut := cut_short(start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
         qualities, before = engine.qualities(), reached
-        reached, mean = measure(qualities), mean_quality(qualities)
+        reached, mean = measure(engine, qualities), engine.mean(qualities)
         seconds = time.perf_counter() - sweep_start
-        below = float((qualities < floor).mean()) if now.by_ring else None
-        number, q1 = done + len(sweeps) + 1, float(qualities.min())
+        below = engine.share(qualities < floor) if now.by_ring else None
+        number, q1 = done + len(sweeps) + 1, engine.lowest(qualities)
         sweeps.append(Sweep(number, work.phase, q1, moved, seconds, mean, below))
         if on_sweep is not None:
             on_sweep(sweeps[-1])

@@ -22,7 +22,7 @@ SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 RUNS = (
     ("positive", "-d random,steepest -n 3"),
     ("positive", "-d axis,optimal,narrowing -n 6 --shape ideal --keep-height --seed 7"),
-    ("positive", "-d random -n 60 --tol 1e-3"),  # converged, with what limits it
+    ("22.msh", "-d random -n 60 --tol 1e-3"),  # converged, with what limits it
     ("positive", "-d random -n 9 --target 0.3"),
     ("inside-out", "-d random -n 2 --tol 0"),
     ("older", "-d random -n 2 --tol 0"),
@@ -30,8 +30,10 @@ RUNS = (
     ("hull", "-d random -n 30"),  # the worst is on the boundary
     ("positive", "-d random -n 2 --no-report"),
     ("41.msh", "-d random,steepest -n 2 --tol 0"),
-    ("22.msh", "-d random -n 60 --tol 1e-3"),
     ("raw.vtu", "-d random -n 2 --tol 0"),
+    ("positive", "--no-patches -n 6"),  # descent, sweeps with a level of care, polishing
+    ("41.msh", "--no-patches -n 4 --target 0.5"),
+    ("positive", "-d random -n 2 --polish --floor 0.9"),
 )
 
 
@@ -194,8 +196,11 @@ def test_a_job_that_ends_early_leaves_nothing_half_written(tmp_path, on_ranks, f
 
 def test_runs_that_need_the_whole_mesh_are_not_taken():
     assert takes(SmoothOptions(directions="random,steepest"))
-    others = [{}, {"directions": "radial"}, {"patches": True}, {"polish": True}, {"boundary": "slide"}]
+    assert takes(SmoothOptions(patches=False))
+    assert takes(SmoothOptions(directions="random", polish=True, floor=0.9))
+    others = [{"directions": "radial"}, {"patches": True}, {"boundary": "slide"}]
     others += [{"fix": "a"}, {"below": 0.3}, {"vertices": [1]}, {"regions": "none"}, {"untangle": True}]
     others += [{"order": "natural"}, {"shape": "input"}, {"metric": np.ones((3, 3, 3))}]
     for other in others:
-        assert not takes(SmoothOptions(**({"directions": "random"} if other else {}) | other)), other
+        assert not takes(SmoothOptions(**{"directions": "random"} | other)), other
+    assert not takes(SmoothOptions(patches=True))

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dvr_cli.backend import Backend
-from dvr_cli.quality.mean_ratio import corner_qualities
-from dvr_cli.quality.vector import ring_minima
+from dvr_cli.quality.level import LEAST, WORST, level_of
+from dvr_cli.quality.mean_ratio import corner_qualities, mean_quality
+from dvr_cli.quality.vector import at_least, ring_minima
 from dvr_cli.relax.altitudes import hold_altitudes
 from dvr_cli.relax.polish import PLAIN, Aim
 from dvr_cli.relax.problem import Problem, ring_arrays
@@ -162,6 +163,32 @@ class Engine(ABC):
         known = self.qualities() if qualities is None else qualities
         minima = ring_minima(known, problem.touched, len(problem.order), self.backend)
         return minima[problem.rings.vertices]
+
+    # What phases ask of all values that ``qualities`` and ``ring_qualities`` have, wherever these are.
+
+    def mean(self, qualities: np.ndarray) -> float:
+        """The mean of the qualities of the corners."""
+        return mean_quality(qualities)
+
+    def level(self, qualities: np.ndarray, share: float = WORST, least: int = LEAST) -> float:
+        """The quality that this share of the corners is below, but so many at least."""
+        return level_of(qualities, share, least)
+
+    def lowest(self, values: np.ndarray) -> float:
+        """The lowest of the qualities of corners or rings."""
+        return float(values.min())
+
+    def share(self, which: np.ndarray) -> float:
+        """The share of the corners or rings that are among ``which``, a bool each."""
+        return float(which.mean())
+
+    def any(self, which: np.ndarray) -> bool:
+        """True if any ring is among ``which``, (m,) bool."""
+        return bool(which.any())
+
+    def is_at_least(self, values: np.ndarray, before: np.ndarray) -> bool:
+        """True if the quality vector of some qualities of rings is not below that of others."""
+        return at_least(np.sort(values), np.sort(before))
 
     def focused(self, active: np.ndarray) -> tuple[Engine, np.ndarray | None]:
         """An engine that moves the vertices of the rings ``active`` ((m,) bool) alone, of these coordinates.
