@@ -126,7 +126,8 @@ def _smoothed(
     rounding = rounding_of(domain, mesh.points, relaxed, storage) if options.keeps_altitude else 0.0
     mean: dict[int, float] = {}
     for share in _SHARES if moves.parts is not None else _SHARES[:1]:
-        engine = engines.make(kind, problem.keeping_within(share * bound), options.threads)
+        problem = problem.keeping_within(share * bound)
+        engine = engines.make(kind, problem, options.threads)
         hook = _record_means(mean, engine, domain, on_sweep) if means else on_sweep
         run, reference = Run(domain, moves, engine, options, hook, interrupted, rounding), before
         if untangling:

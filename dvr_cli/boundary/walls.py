@@ -5,7 +5,7 @@ boundary may come from the input by at most a third of its thickness (see ``rela
 
 From a few points of each facet a ray goes both ways along its normal, through the cells of a grid that have
 the facets which are near. Where all that are near are of one patch and look the same way as the facet, they
-are its own sheet, and are not looked at one by one.
+are its own sheet, and are not looked at one by one. Large cells tell first for most facets that this is so.
 """
 
 from __future__ import annotations
@@ -25,22 +25,29 @@ _CELLS = 27  # cells of the grid that a facet is in, on average at most
 _FARTHEST = (1 << 20) - 1  # the number of a cell along an axis at most; all beyond are one
 _ONE_WAY = 0.5  # cosine of the angle up to which two facets look the same way
 _PAIRS = 1 << 20  # pairs of a ray and a facet looked at together
+# from a cell to itself and to each of half of those around, so that every pair of neighbours comes once
+_AHEAD = np.array([s for s in np.ndindex(3, 3, 3) if s >= (1, 1, 1)]) - 1
 
 
-def thickness(points: np.ndarray, triangles: np.ndarray, patch: np.ndarray, reach: float) -> np.ndarray:
+def thickness(
+    points: np.ndarray, triangles: np.ndarray, patch: np.ndarray, plane: np.ndarray, reach: float
+) -> np.ndarray:
     """(T,) how far from each triangle the next one straight across is, infinite beyond ``reach``.
 
     points: (N, 3); triangles: (T, 3) of the boundary or surface; patch: (T,) the smooth part each is of.
+    plane: (T,) bool, those whose shape stays as it is: between two of these no wall counts.
     Triangles with a vertex or an edge in common, or between them, are not across from each other.
     """
     corners = points[triangles]
     normals = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     result = np.full(len(triangles), np.inf)
-    if not len(triangles):
+    chosen = _near_others(corners, normals, patch, plane, reach)
+    if not len(chosen):
         return result
+    corners, normals, patch = corners[chosen], normals[chosen], patch[chosen]
     grid, edges = _Grid.of(corners, normals, patch), _Edges(triangles, len(points))
     steps = int(np.ceil(reach / grid.step))
-    facets = np.arange(len(triangles))
+    facets = np.arange(len(chosen))
     for weights in _SAMPLES / _SAMPLES.sum(axis=1, keepdims=True):
         origin, passed = weights @ corners[facets], np.zeros(len(facets), dtype=bool)
         for along in np.arange(-steps, steps + 1) * (reach / max(steps, 1)):
@@ -52,11 +59,52 @@ def thickness(points: np.ndarray, triangles: np.ndarray, patch: np.ndarray, reac
                 one = facets[some]
                 gap = _gap(origin[some], corners[other], normals[one])
                 near = np.flatnonzero(gap <= reach)
-                near = near[~edges.between(one[near], other[near])]
-                np.minimum.at(result, one[near], gap[near])
-                np.minimum.at(result, other[near], gap[near])
+                one, other, gap = chosen[one[near]], chosen[other[near]], gap[near]
+                apart = ~(plane[one] & plane[other])
+                apart[apart] = ~edges.between(one[apart], other[apart])
+                np.minimum.at(result, one[apart], gap[apart])
+                np.minimum.at(result, other[apart], gap[apart])
         facets = facets[passed]  # where the ray from the middle comes by no other sheet none will
     return result
+
+
+def _near_others(
+    corners: np.ndarray, normals: np.ndarray, patch: np.ndarray, plane: np.ndarray, reach: float
+) -> np.ndarray:
+    """(n,) the facets that may have another sheet within ``reach``, and all that this may be, ascending.
+
+    corners: (T, 3, 3); normals, patch, plane: of each. The cells are so large that what a ray of a facet hits
+    has its middle in the same cell as that of the facet or in one next to it.
+    """
+    if not len(corners):
+        return np.empty(0, dtype=np.int64)
+    middle = corners.mean(axis=1)
+    width = reach + 2.0 * float(np.abs(corners - middle[:, None]).max())
+    place = _place(middle, middle.min(axis=0) - width, width)
+    key = _key(place)
+    keys, first, cell = np.unique(key, return_index=True, return_inverse=True)
+    facet, start = group(cell, len(keys))
+    mean = unit(np.add.reduceat(normals[facet], start[:-1]))
+    turned = np.maximum.reduceat(_angle(normals[facet], mean[cell[facet]]), start[:-1])
+    own = patch[facet[start[:-1]]]
+    mixed = np.maximum.reduceat(patch[facet] != own[cell[facet]], start[:-1])
+    still = np.minimum.reduceat(plane[facet], start[:-1])
+    marked = np.zeros(len(keys), dtype=bool)
+    for step in _AHEAD:
+        ahead = _key(np.minimum(place[first] + step, _FARTHEST))
+        other = np.minimum(np.searchsorted(keys, ahead), len(keys) - 1)
+        one = np.flatnonzero(keys[other] == ahead)
+        other = other[one]
+        parted = mixed[one] | mixed[other] | (own[one] != own[other])
+        parted |= ~(_angle(mean[one], mean[other]) + turned[one] + turned[other] < np.arccos(_ONE_WAY))
+        parted &= ~(still[one] & still[other])
+        marked[one[parted]] = marked[other[parted]] = True
+    return np.flatnonzero(marked[cell])
+
+
+def _angle(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """(n,) the angle between unit vectors (n, 3), a right one if one of them is zero."""
+    return np.arccos(np.clip((one * other).sum(axis=1), -1.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import trimesh
 from curved_parts import apart
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.smoothing import smooth_mesh
+from dvr_cli.boundary import walls
 from dvr_cli.boundary.self_intersection import crossing_facets
 from dvr_cli.boundary.walls import thickness
 from dvr_cli.mesh.mesh import Cells, Mesh
@@ -44,12 +45,20 @@ def hits(points: np.ndarray, triangles: np.ndarray, reach: float) -> np.ndarray:
     return result
 
 
+def curved(triangles: np.ndarray) -> np.ndarray:
+    """(T,) bool, none of the triangles is in a plane that stays as it is."""
+    return np.zeros(len(triangles), dtype=bool)
+
+
 @pytest.mark.parametrize("reach", [0.02, 0.25, 1.0])
 def test_the_thickness_is_at_most_what_one_ray_finds(reach):
     """And not much less: other rays of a triangle hit a little nearer to the bend between facets."""
     points, triangles = shell(1, 0.85)
     patch = np.repeat([0, 1], len(triangles) // 2)
-    found, one_ray = thickness(points, triangles, patch, reach), hits(points, triangles, reach)
+    found, one_ray = (
+        thickness(points, triangles, patch, curved(triangles), reach),
+        hits(points, triangles, reach),
+    )
     assert (found <= one_ray + 1e-12).all()
     assert np.isinf(found).all() == (reach < 0.1)
     if reach > 0.1:
@@ -69,17 +78,35 @@ def test_the_thickness_of_a_slab_and_a_slot():
     points = np.stack([np.tile(x, 3), np.tile(y, 3), heights], axis=1)
     points[81:162, 0] *= 0.5
     triangles = np.concatenate([plate, plate[:, ::-1] + 81, plate + 162])
-    found = thickness(points, triangles, np.repeat([0, 1, 2], len(plate)), 0.1)
+    patch = np.repeat([0, 1, 2], len(plate))
+    found = thickness(points, triangles, patch, curved(triangles), 0.1)
     middle = points[triangles].mean(axis=1)
     below = (middle[:, 2] < 0.1) & (middle[:, 0] < 0.5)
     assert found[below] == pytest.approx(0.01)
     assert np.isinf(found[middle[:, 0] > 0.51]).all()
     assert np.isinf(found[middle[:, 2] > 0.4]).all()
+    assert np.array_equal(thickness(points, triangles, patch, patch == 0, 0.1), found)
+    assert np.isinf(thickness(points, triangles, patch, patch < 2, 0.1)).all()  # neither of the two moves
 
 
 def test_a_ball_has_no_walls():
     ball = trimesh.creation.icosphere(3)
-    assert np.isinf(thickness(ball.vertices, ball.faces, np.zeros(len(ball.faces), dtype=int), 0.05)).all()
+    patch = np.zeros(len(ball.faces), dtype=int)
+    assert np.isinf(thickness(ball.vertices, ball.faces, patch, curved(ball.faces), 0.05)).all()
+
+
+@pytest.mark.parametrize("reach", [0.05, 0.3])
+def test_what_large_cells_tell_takes_no_wall_away(reach, monkeypatch):
+    """A ball that nearly touches a far larger one from within: most of the two has no wall."""
+    small, large = trimesh.creation.icosphere(2, 0.4), trimesh.creation.icosphere(3, 1.0)
+    points = np.concatenate([small.vertices + np.array([0.57, 0.0, 0.0]), large.vertices])
+    triangles = np.concatenate([small.faces, large.faces[:, ::-1] + len(small.vertices)])
+    given = points, triangles, np.repeat([0, 1], [len(small.faces), len(large.faces)]), curved(triangles)
+    found = thickness(*given, reach)
+    monkeypatch.setattr(walls, "_near_others", lambda corners, *_: np.arange(len(corners)))
+    everywhere = thickness(*given, reach)
+    assert 0 < np.isfinite(everywhere).sum() < len(triangles) // 2
+    assert np.array_equal(found, everywhere)
 
 
 def test_thin_walls_stay_apart():
@@ -95,7 +122,7 @@ def test_thin_walls_stay_apart():
     assert (after != points).any(axis=1).mean() > 0.5
 
     n = len(points) // 2
-    third = thickness(points, triangles, np.repeat([0, 1], outer), 0.2).max() / 3.0
+    third = thickness(points, triangles, np.repeat([0, 1], outer), curved(triangles), 0.2).max() / 3.0
     assert apart(points[:n], alone, triangles[:outer]) > 1.2 * third
     assert apart(points[:n], after[:n], triangles[:outer]) < third
     assert not crossing_facets(after, triangles).any()

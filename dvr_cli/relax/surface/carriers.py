@@ -125,7 +125,8 @@ class Carriers:
     before: (N, d) where vertices were in the input.
     on_surface, on_curve: the vertices that walk. curve: (S,) the number of the curve each segment is of.
     turned: (C,) bool, the touched corners of a surface that are turned over in the input. limit: how far the
-    mesh may come from the input.
+    mesh may come from the input. across: (T,) how far the sheet across from each facet is, see
+    ``thickness``; None before there was a limit.
     """
 
     ground: Ground
@@ -137,23 +138,26 @@ class Carriers:
     curve: np.ndarray
     turned: np.ndarray
     limit: float = np.inf
+    across: np.ndarray | None = None
 
     def within(self, limit: float) -> Carriers:
         """The same with another limit; where a wall is thin it is a third of the thickness at most.
 
-        Distances count more there, so that one limit holds for all.
+        Distances count more there, so that one limit holds for all. For a smaller limit than before no wall
+        is sought again.
         """
-        ground, weight = self.ground, np.ones(len(self.ground.triangles))
+        ground, weight, across = self.ground, np.ones(len(self.ground.triangles)), self.across
         if not ground.plane.all() and limit < np.inf:
             reach = limit / _OF_WALL
-            apart = thickness(ground.places, ground.triangles, ground.patch, reach)
-            weight = np.minimum(np.maximum(reach / np.maximum(apart, reach / _MOST), 1.0), _MOST)
+            if across is None or limit > self.limit:
+                across = thickness(ground.places, ground.triangles, ground.patch, ground.plane, reach)
+            weight = np.minimum(np.maximum(reach / np.maximum(across, reach / _MOST), 1.0), _MOST)
         at = np.ones(len(ground.places))
         for column in ground.triangles.T:
             np.maximum.at(at, column, weight)
         heaviest = np.array([weight.max(initial=1.0)])
         weighed = ground._replace(weight=weight, weight_at=at, heaviest=heaviest)
-        return replace(self, ground=weighed, limit=limit)
+        return replace(self, ground=weighed, limit=limit, across=across)
 
     def standing(self) -> Standing:
         """Everybody where the input has them."""
