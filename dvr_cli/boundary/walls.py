@@ -24,9 +24,9 @@ _SAMPLES = np.array([[1, 1, 1], [8, 1, 1], [1, 8, 1], [1, 1, 8]])  # barycentric
 _CELLS = 27  # cells of the grid that a facet is in, on average at most
 _FARTHEST = (1 << 20) - 1  # the number of a cell along an axis at most; all beyond are one
 _ONE_WAY = 0.5  # cosine of the angle up to which two facets look the same way
+_HALF_THAT = 0.75**0.5  # the cosine of half that angle
+_LARGE = 1.5  # width of large cells, in that of a facet and what its rays reach
 _PAIRS = 1 << 20  # pairs of a ray and a facet looked at together
-# from a cell to itself and to each of half of those around, so that every pair of neighbours comes once
-_AHEAD = np.array([s for s in np.ndindex(3, 3, 3) if s >= (1, 1, 1)]) - 1
 
 
 def thickness(
@@ -44,7 +44,7 @@ def thickness(
     chosen = _near_others(corners, normals, patch, plane, reach)
     if not len(chosen):
         return result
-    corners, normals, patch = corners[chosen], normals[chosen], patch[chosen]
+    corners, normals, patch, plane = corners[chosen], normals[chosen], patch[chosen], plane[chosen]
     grid, edges = _Grid.of(corners, normals, patch), _Edges(triangles, len(points))
     steps = int(np.ceil(reach / grid.step))
     facets = np.arange(len(chosen))
@@ -56,12 +56,13 @@ def thickness(
             ray = ray[~grid.is_sheet_of(cell[ray], normals[facets[ray]], patch[facets[ray]])]
             passed[ray] = True
             for some, other in grid.pairs(ray, cell[ray]):
+                moves = ~(plane[facets[some]] & plane[other])
+                some, other = some[moves], other[moves]
                 one = facets[some]
                 gap = _gap(origin[some], corners[other], normals[one])
                 near = np.flatnonzero(gap <= reach)
                 one, other, gap = chosen[one[near]], chosen[other[near]], gap[near]
-                apart = ~(plane[one] & plane[other])
-                apart[apart] = ~edges.between(one[apart], other[apart])
+                apart = ~edges.between(one, other)
                 np.minimum.at(result, one[apart], gap[apart])
                 np.minimum.at(result, other[apart], gap[apart])
         facets = facets[passed]  # where the ray from the middle comes by no other sheet none will
@@ -73,47 +74,24 @@ def _near_others(
 ) -> np.ndarray:
     """(n,) the facets that may have another sheet within ``reach``, and all that this may be, ascending.
 
-    corners: (T, 3, 3); normals, patch, plane: of each. The cells are so large that what a ray of a facet hits
-    has its middle in the same cell as that of the facet or in one next to it.
+    corners: (T, 3, 3); normals, patch, plane: of each. Each facet is in all cells that it comes to within
+    half of ``reach``, so it shares one with any that a ray of it hits.
     """
-    if not len(corners):
-        return np.empty(0, dtype=np.int64)
-    middle = corners.mean(axis=1)
-    width = reach + 2.0 * float(np.abs(corners - middle[:, None]).max())
-    place = _place(middle, middle.min(axis=0) - width, width)
-    key = _key(place)
-    keys, first, cell = np.unique(key, return_index=True, return_inverse=True)
-    facet, start = group(cell, len(keys))
-    mean = unit(np.add.reduceat(normals[facet], start[:-1]))
-    turned = np.maximum.reduceat(_angle(normals[facet], mean[cell[facet]]), start[:-1])
-    own = patch[facet[start[:-1]]]
-    mixed = np.maximum.reduceat(patch[facet] != own[cell[facet]], start[:-1])
-    still = np.minimum.reduceat(plane[facet], start[:-1])
-    marked = np.zeros(len(keys), dtype=bool)
-    for step in _AHEAD:
-        ahead = _key(np.minimum(place[first] + step, _FARTHEST))
-        other = np.minimum(np.searchsorted(keys, ahead), len(keys) - 1)
-        one = np.flatnonzero(keys[other] == ahead)
-        other = other[one]
-        parted = mixed[one] | mixed[other] | (own[one] != own[other])
-        parted |= ~(_angle(mean[one], mean[other]) + turned[one] + turned[other] < np.arccos(_ONE_WAY))
-        parted &= ~(still[one] & still[other])
-        marked[one[parted]] = marked[other[parted]] = True
-    return np.flatnonzero(marked[cell])
-
-
-def _angle(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """(n,) the angle between unit vectors (n, 3), a right one if one of them is zero."""
-    return np.arccos(np.clip((one * other).sum(axis=1), -1.0, 1.0))
+    low, high = corners.min(axis=1) - 0.5 * reach, corners.max(axis=1) + 0.5 * reach
+    cells = _Cells.of(low, high, _LARGE * float((high - low).max(axis=1).mean()), 0.0)
+    alike, start = cells.alike(normals, patch, _HALF_THAT)[0], cells.start
+    still = np.logical_and.reduceat(plane[cells.facet], start[:-1])
+    looked_at = ~(np.logical_and.reduceat(alike, start[:-1]) | still)
+    chosen = np.zeros(len(corners), dtype=bool)
+    chosen[cells.facet[np.repeat(looked_at, np.diff(start))]] = True
+    return np.flatnonzero(chosen)
 
 
 @dataclass(frozen=True, eq=False)
-class _Grid:
-    """The cells of a grid, and the facets in each.
+class _Cells:
+    """The cells of a grid that are not empty.
 
-    A ray that is looked at every ``step`` comes by all facets that it hits. keys: (C,) of the cells,
-    ascending; facet, start: those in each. single: (C,) bool, whether they are of one patch and look the same
-    way, that of ``normals`` (C, 3); patch: (C,) that of the first.
+    keys: (C,) their numbers, ascending; facet, start: the facets in each, in their order.
     """
 
     origin: np.ndarray
@@ -121,19 +99,17 @@ class _Grid:
     keys: np.ndarray
     facet: np.ndarray
     start: np.ndarray
-    single: np.ndarray
-    normals: np.ndarray
-    patch: np.ndarray
 
     @classmethod
-    def of(cls, corners: np.ndarray, normals: np.ndarray, patch: np.ndarray) -> _Grid:
-        """That of facets with these corners (T, 3, 3), unit normals (T, 3) and patches (T,)."""
-        low, high = corners.min(axis=1), corners.max(axis=1)
-        step = float((high - low).max(axis=1).mean())
+    def of(cls, low: np.ndarray, high: np.ndarray, step: float, margin: float) -> _Cells:
+        """Those of cells so wide, or wider, that are no farther than ``margin`` steps from facets.
+
+        low, high: (T, 3) the bounding box of each.
+        """
         while True:
             origin = low.min(axis=0) - step
-            first = _place(low - 0.5 * step, origin, step)
-            width = _place(high + 0.5 * step, origin, step) - first + 1
+            first = _place(low - margin * step, origin, step)
+            width = _place(high + margin * step, origin, step) - first + 1
             count = width.prod(axis=1)
             if count.sum() <= _CELLS * len(low):
                 break
@@ -147,19 +123,56 @@ class _Grid:
         key = _key(place)
         keys = distinct(key)
         position, start = group(np.searchsorted(keys, key), len(keys))
-        facet = facet[position]
-        mean = unit(np.add.reduceat(normals[facet], start[:-1]))
-        cell = np.repeat(np.arange(len(keys)), np.diff(start))
-        alike = (normals[facet] * mean[cell]).sum(axis=1) > _ONE_WAY
-        single, own = np.ones(len(keys), dtype=bool), patch[facet[start[:-1]]]
-        single[cell[~alike | (patch[facet] != own[cell])]] = False
-        return cls(origin, step, keys, facet, start, single, mean, own)
+        return cls(origin, step, keys, facet[position], start)
+
+    def alike(
+        self, normals: np.ndarray, patch: np.ndarray, cosine: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The facets in a cell that are of the patch of its first, and look as its facets do on average.
+
+        normals, patch: of each facet. cosine: that of the angle up to which this is so. Returns a bool for
+        each entry of ``facet``, the mean normals (C, 3) and the patch (C,) of each cell.
+        """
+        facet, start = self.facet, self.start
+        mean, own = unit(np.add.reduceat(normals[facet], start[:-1])), patch[facet[start[:-1]]]
+        cell = np.repeat(np.arange(len(own)), np.diff(start))
+        alike = (normals[facet] * mean[cell]).sum(axis=1) > cosine
+        return alike & (patch[facet] == own[cell]), mean, own
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """The cells of a grid, and the facets in each.
+
+    A ray that is looked at every ``step`` comes by all facets that it hits. single: (C,) bool, whether the
+    facets of a cell are of one patch and look the same way, that of ``normals`` (C, 3); patch: (C,) that of
+    the first.
+    """
+
+    cells: _Cells
+    single: np.ndarray
+    normals: np.ndarray
+    patch: np.ndarray
+
+    @classmethod
+    def of(cls, corners: np.ndarray, normals: np.ndarray, patch: np.ndarray) -> _Grid:
+        """That of facets with these corners (T, 3, 3), unit normals (T, 3) and patches (T,)."""
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        cells = _Cells.of(low, high, float((high - low).max(axis=1).mean()), 0.5)
+        alike, mean, own = cells.alike(normals, patch, _ONE_WAY)
+        return cls(cells, np.logical_and.reduceat(alike, cells.start[:-1]), mean, own)
+
+    @property
+    def step(self) -> float:
+        """The width of a cell."""
+        return self.cells.step
 
     def find(self, points: np.ndarray) -> np.ndarray:
         """(n,) the cell of each point, -1 for one without facets."""
-        key = _key(_place(points, self.origin, self.step))
-        cell = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
-        return np.where(self.keys[cell] == key, cell, -1)
+        keys = self.cells.keys
+        key = _key(_place(points, self.cells.origin, self.step))
+        cell = np.minimum(np.searchsorted(keys, key), len(keys) - 1)
+        return np.where(keys[cell] == key, cell, -1)
 
     def is_sheet_of(self, cell: np.ndarray, normals: np.ndarray, patch: np.ndarray) -> np.ndarray:
         """(n,) bool: whether all in a cell are of the sheet of a facet with this normal and patch."""
@@ -168,11 +181,12 @@ class _Grid:
 
     def pairs(self, ray: np.ndarray, cell: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Each ray with each facet in its cell, in portions."""
-        ahead = np.cumsum(np.diff(self.start)[cell])
+        start, facet = self.cells.start, self.cells.facet
+        ahead = np.cumsum(np.diff(start)[cell])
         cuts = np.searchsorted(ahead, np.arange(_PAIRS, ahead[-1] if len(ahead) else 0, _PAIRS))
         for some, where in zip(np.split(ray, cuts), np.split(cell, cuts), strict=True):
-            entries, row_start = row_entries(self.start, where)
-            yield np.repeat(some, np.diff(row_start)), self.facet[entries]
+            entries, row_start = row_entries(start, where)
+            yield np.repeat(some, np.diff(row_start)), facet[entries]
 
 
 class _Edges:
