@@ -95,7 +95,10 @@ def take_over(vertex: int, stars: Stars, standing: Standing) -> None:
 
 
 def renew(points: np.ndarray, ground: Ground, stars: Stars, standing: Standing) -> None:
-    """Trace all edges and find all places anew, as far as that brings the bounds down."""
+    """Trace all edges and find all places anew, as far as that brings the bounds down.
+
+    A place gets the triangle that is nearest to it: that which had it may have moved away from it.
+    """
     points, ground, stars, standing = bare(points), bare(ground), bare(stars), bare(standing)
     for vertex in range(len(ground.places)):
         for entry in range(stars.edge_start[vertex], stars.edge_start[vertex + 1]):
@@ -103,13 +106,39 @@ def renew(points: np.ndarray, ground: Ground, stars: Stars, standing: Standing) 
             if end > vertex and standing.bound[edge] > 0.0:
                 found = edge_distance(points, edge, vertex, end, ground, stars, standing)
                 standing.bound[edge] = min(standing.bound[edge], found)
+    first, following, host = standing.first, standing.following, standing.next_host
     for triangle in range(len(ground.triangles)):
-        place = standing.first[triangle]
+        place = first[triangle]
         while place >= 0:
+            host[place] = triangle
             if standing.apart[place] > 0.0:
-                found = distance_to(points, place, triangle, ground)
+                found, host[place] = _nearest_host(points, place, triangle, ground, stars)
                 standing.apart[place] = min(standing.apart[place], found)
-            place = standing.following[place]
+            place = following[place]
+        first[triangle] = -1
+    for place in range(len(ground.places)):
+        if standing.kind[place] == SURFACE:
+            following[place] = first[host[place]]
+            first[host[place]] = place
+
+
+def _nearest_host(
+    points: np.ndarray, place: int, triangle: int, ground: Ground, stars: Stars
+) -> tuple[float, int]:
+    """The weighted distance of an input vertex's place from a triangle near one, and that triangle.
+
+    It has no neighbour, at an edge or a vertex, that is nearer.
+    """
+    least, host = distance_to(points, place, triangle, ground), triangle
+    for _ in range(_FACETS):
+        last = host
+        for k in range(3):
+            found, near = place_distance(points, place, ground.triangles[last, k], ground, stars)
+            if found < least:
+                least, host = found, near
+        if host == last:
+            break
+    return least, host
 
 
 def edge_distance(

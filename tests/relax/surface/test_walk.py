@@ -24,6 +24,7 @@ from dvr_cli.relax.engines.numpy_engine import NumpyEngine
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.steepest import NARROWING, OPTIMAL, STEEPEST
+from dvr_cli.relax.surface.overlay import renew
 
 
 def walkers(mesh: Mesh, limit: float, angle: float = 60.0) -> tuple[Engine, object]:
@@ -112,6 +113,26 @@ def test_vertices_stay_on_the_facets_and_the_mesh_within_the_limit(name):
         samples = np.einsum("sk,fkd->fsd", weights, here).reshape(-1, 3)
         assert nearest(there, samples)[0].max() <= limit
     assert engine.deviation() <= limit
+
+
+def test_renewed_places_are_with_the_triangle_that_is_nearest():
+    """By another library: each place of an input vertex is in one chain, its bound is its distance."""
+    engine, domain = walkers(wavy(5, 2), 0.05)
+    for _ in range(3):
+        list(steps(engine, domain, "steepest"))
+    carriers, standing = engine.problem.carriers, engine.state()[1]
+    before, walks = standing.apart.copy(), carriers.on_surface
+    renew(engine.coordinates, carriers.ground, carriers.stars, standing)
+    chained = []
+    for place in standing.first[standing.first >= 0].tolist():
+        while place >= 0:
+            chained.append(place)
+            place = standing.following[place]
+    assert sorted(chained) == sorted(walks.tolist())
+    away, _ = nearest(engine.coordinates[carriers.ground.triangles], carriers.ground.places[walks])
+    assert standing.apart[walks] == pytest.approx(away, abs=1e-12)
+    assert (standing.apart <= before).all()
+    assert standing.apart[walks].sum() < 0.9 * before[walks].sum()
 
 
 def test_no_triangle_turns_over():
