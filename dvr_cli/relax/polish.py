@@ -21,18 +21,12 @@ corners, as opposed to repetitions that fill short rings.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from dvr_cli.boundary.freedom import project
-from dvr_cli.mesh.simplex import Components, dot, opposite_normal, subtract
 from dvr_cli.quality.badness import badness
-from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.line import Lines, keeps_within
-from dvr_cli.relax.measured import Measured
-from dvr_cli.relax.steepest import gradient
 
 SUM_GAIN = 1e-9  # relative fall of the sum below which a vertex stays where it is
 CLOSE = 1e-2  # relative length of the last Newton step
@@ -122,44 +116,12 @@ def price(
 ) -> np.ndarray:
     """The price of each ring; without meaning unless all v are positive."""
     x = _inverses(v, s, dimension)
-    return _sum(weights * x + rise(x, aim) * x / (2.0**SQUARINGS + 1.0), real)
+    return sum_of_columns(weights * x + rise(x, aim) * x / (2.0**SQUARINGS + 1.0), real)
 
 
 def _inverses(v: np.ndarray, s: np.ndarray, dimension: int) -> np.ndarray:
     """1/Q of corners with positive v."""
     return s * (1.0 / v if dimension == 2 else inverse_power(v))
-
-
-def mean_ascent(
-    x: Components,
-    ends: Sequence[Components],
-    norm: Sequence[np.ndarray],
-    slope: Sequence[np.ndarray],
-    within: tuple[np.ndarray, Components] | None,
-    real: np.ndarray,
-    aim: Aim,
-    factor: Sequence[np.ndarray] | None = None,
-) -> list[np.ndarray]:
-    """Unit vectors along which the price of n rings falls fastest; arguments as for ``steepest``.
-
-    Zero where it does not fall, and where a corner is not positive.
-    """
-    d = len(x)
-    edges = [subtract(end, x) for end in ends]
-    normal = opposite_normal(ends)
-    v, s = dot(edges[0], normal), weighted_norm(edges, norm, factor)
-    with np.errstate(all="ignore"):  # what is not finite is found at the end
-        part = share(_inverses(v, s, d), aim)
-        total = [_sum(part * g, real) for g in gradient(edges, normal, v, s, slope, factor)]
-        if factor is not None:
-            measured = Measured.of([entry[0] for entry in factor], within)
-            total = measured.move(measured.gradient(total))
-        elif within is not None:
-            total = project(total, *within)
-        length = dot(total, total)
-        usable = (badness(v, s, d).max(axis=0) < np.inf) & (length > 0.0) & (length < np.inf)
-        root = np.sqrt(length)
-        return [np.where(usable, -t / root, 0.0) for t in total]
 
 
 def keeps(
@@ -173,7 +135,7 @@ def keeps(
     return keeps_within(largest, limit, dimension) & (after < before * (1.0 - SUM_GAIN))
 
 
-def _sum(terms: np.ndarray, real: np.ndarray) -> np.ndarray:
+def sum_of_columns(terms: np.ndarray, real: np.ndarray) -> np.ndarray:
     """Sums of columns, in their order."""
     terms = np.where(real, terms, 0.0)
     total = terms[0]
@@ -224,7 +186,7 @@ def _derivatives(
     x = s * u
     steep = rise(x, aim)
     second = (weights + steep) * second + 2.0**SQUARINGS * steep / x * first * first
-    return _sum((weights + steep) * first, real), _sum(second, real)
+    return sum_of_columns((weights + steep) * first, real), sum_of_columns(second, real)
 
 
 def _clip(lines: Lines, at: np.ndarray, limit: np.ndarray) -> np.ndarray:

@@ -7,7 +7,6 @@ import numpy as np
 from dvr_cli.jit import compiled, inlined
 from dvr_cli.relax.columns_numba import (
     BADNESS,
-    GRADIENT,
     POWER,
     S0,
     S1,
@@ -19,12 +18,9 @@ from dvr_cli.relax.columns_numba import (
     RingArrays,
     set_place,
     set_ring,
-    solve_back,
 )
 from dvr_cli.relax.line_numba import keeps_within, root, s_at, v_at, worst_corner
 from dvr_cli.relax.polish import CLOSE, CUBE_ROOT, INSIDE, MAX_CLIPS, MAX_STEPS, SQUARINGS, SUM_GAIN, Aim
-from dvr_cli.relax.problem import RingFreedom
-from dvr_cli.relax.steepest_numba import axis_of, gradient, move, project
 
 
 @compiled
@@ -75,58 +71,6 @@ def polish_rings(
         else:
             _put(points, vertex, x0, x1, x2)
     return moved
-
-
-@compiled
-def mean_directions(
-    points: np.ndarray,
-    directions: np.ndarray,
-    start: int,
-    stop: int,
-    rings: RingArrays,
-    freedom: RingFreedom,
-    aim: Aim,
-    scratch: np.ndarray,
-) -> None:
-    """Set the rows start .. stop of ``directions`` to those along which their prices fall fastest.
-
-    The arguments are as for ``steepest_directions``.
-    """
-    scratch[SHAPE] = -1.0
-    d = points.shape[1]
-    on_line, axis = freedom.on_line, freedom.axis
-    for ring in range(start, stop):
-        vertex = rings.vertices[ring]
-        directions[ring] = 0.0
-        if not freedom.active[ring]:
-            continue
-        n = set_ring(points, vertex, 0.0, 0.0, 0.0, ring, rings, scratch)
-        if scratch[BADNESS, worst_corner(scratch, n, 0.0, d)] == np.inf:
-            continue
-        _set_powers(scratch, n, d, 0.0)
-        total = n  # the column of the sum
-        for c in range(n):
-            gradient(points, vertex, c, d, len(rings.factor) > 0, scratch, c)
-            inverse = scratch[S0, c] * scratch[POWER, c]
-            share = inverse * (weight(inverse, aim) + rise(inverse, aim))
-            for i in range(d):
-                here = share * scratch[GRADIENT + i, c]
-                scratch[GRADIENT + i, total] = here if c == 0 else scratch[GRADIENT + i, total] + here
-        own = len(rings.factor) > 0
-        if own:
-            solve_back(scratch, GRADIENT, total, d)
-        if len(axis):
-            axis0, axis1, axis2 = axis_of(on_line, axis, ring, d, own, scratch)
-            project(on_line[ring], axis0, axis1, axis2, d, scratch, total)
-        if own:
-            move(ring, total, d, on_line, axis, scratch)
-        length = scratch[GRADIENT, total] * scratch[GRADIENT, total]
-        for i in range(1, d):
-            length = length + scratch[GRADIENT + i, total] * scratch[GRADIENT + i, total]
-        if 0.0 < length < np.inf:
-            size = np.sqrt(length)
-            for i in range(d):
-                directions[ring, i] = -scratch[GRADIENT + i, total] / size
 
 
 @inlined

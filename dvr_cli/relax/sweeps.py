@@ -138,11 +138,12 @@ def polish(
 ) -> Relaxation:
     """Raise the mean quality from where the engine is, with no quality that is above the floor falling below.
 
-    Each vertex moves along the direction in which the price of its ring (see ``polish``) falls fastest, to
-    where it is lowest. Stops when the measure of the ``work`` grows by less than ``stopping.tol`` in a sweep
-    (or would in the next, see ``Work``), and after its max_iterations and time_limit. done: how many sweeps
-    came before. on_sweep, interrupted: see ``relax``. aim: the price, and whether the floor is one for all,
-    or what says that in each sweep for the qualities (C,) reached.
+    Each vertex moves along Newton's direction (see ``newton``), or if it walks along that in which the price
+    of its ring (see ``polish``) falls fastest, to where the price is lowest. Stops when the measure of the
+    ``work`` grows by less than ``stopping.tol`` in a sweep (or would in the next, see ``Work``), and after
+    its max_iterations and time_limit. done: how many sweeps came before. on_sweep, interrupted: see
+    ``relax``. aim: the price, and whether the floor is one for all, or what says that in each sweep for the
+    qualities (C,) reached.
     """
     limit, measure = badness_of(floor, engine.problem.dimension), work.measure
     start = time.perf_counter()

@@ -30,7 +30,7 @@ _KERNELS = {
         "quality.stretching_numba.candidates",
         "relax.enough_numba.relax_rings",
         "relax.polish_numba.polish_rings",
-        "relax.polish_numba.mean_directions",
+        "relax.newton_numba.newton_directions",
     ),
     "patches": ("relax.patches.neighbourhoods_numba.choose", "relax.patches.solver_numba.solve_patch"),
     "surface": ("relax.surface.walk_numba.walk_directions", "relax.surface.walk_numba.walk_rings"),

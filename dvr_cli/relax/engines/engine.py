@@ -263,10 +263,10 @@ class Engine(ABC):
         return self._inside(lo, walking)
 
     def mean_ascent(self, batch: int, aim: Aim = PLAIN, active: np.ndarray | None = None) -> np.ndarray:
-        """(m, d) directions of which those of a batch are along which the price of their rings falls fastest.
+        """(m, d) directions of which those of a batch lead to the lowest prices of their rings.
 
-        They hold for the coordinates as they are now; see ``polish.mean_ascent``. The others mean nothing.
-        active: as for ``steepest``.
+        They hold for the coordinates as they are now: Newton's (see ``newton``), and those along which the
+        price falls fastest where vertices walk. The others mean nothing. active: as for ``steepest``.
         """
         lo, walking, hi = self.problem.parts(batch)
         if lo < walking:

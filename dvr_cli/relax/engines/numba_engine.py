@@ -15,8 +15,9 @@ from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.columns_numba import ROWS, WIDTH
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.enough_numba import relax_rings
+from dvr_cli.relax.newton_numba import newton_directions
 from dvr_cli.relax.polish import Aim
-from dvr_cli.relax.polish_numba import mean_directions, polish_rings
+from dvr_cli.relax.polish_numba import polish_rings
 from dvr_cli.relax.problem import Problem, RingFreedom
 from dvr_cli.relax.steepest_numba import steepest_directions
 
@@ -60,7 +61,7 @@ class NumbaEngine(Engine):
         self._run(steepest_directions, lo, hi, self._directions, RingFreedom(active, *self._within), band)
 
     def _mean_ascent(self, batch: int, lo: int, hi: int, aim: Aim, active: np.ndarray) -> None:
-        self._run(mean_directions, lo, hi, self._directions, RingFreedom(active, *self._within), aim)
+        self._run(newton_directions, lo, hi, self._directions, RingFreedom(active, *self._within), aim)
 
     def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float, aim: Aim) -> int:
         return sum(self._run(polish_rings, lo, hi, directions, float(limit), aim))

@@ -14,7 +14,8 @@ from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.columns import RingChunk, ring_chunks
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.line import coefficients, improves, maximise_minimum
-from dvr_cli.relax.polish import Aim, keeps, lowest_price, mean_ascent, price
+from dvr_cli.relax.newton import Shapes, newton
+from dvr_cli.relax.polish import Aim, keeps, lowest_price, price
 from dvr_cli.relax.problem import Problem
 from dvr_cli.relax.steepest import steepest
 
@@ -55,8 +56,8 @@ class NumpyEngine(Engine):
     def _mean_ascent(self, batch: int, lo: int, hi: int, aim: Aim, active: np.ndarray) -> None:
         self._directions[lo:hi] = 0.0
         for chunk in self._chunks(batch, active):
-            x, ends, norm, slope, _, factor = self._ring(chunk)
-            found = mean_ascent(x, ends, norm, slope, self._within(chunk), chunk.real, aim, factor)
+            x, ends, *_ = ring = self._ring(chunk)
+            found = newton(x, ends, Shapes(*ring[2:]), self._within(chunk), chunk.real, aim)
             self._directions[chunk.rings] = np.stack(found, axis=1)
 
     def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float, aim: Aim) -> int:
