@@ -46,8 +46,8 @@ def relax_patches(
 ) -> Relaxation:
     """Relax patches from where the engine is, the worst first, until the worst corner gains no more.
 
-    level: of care; with it until no corner below it gains any more, or the patches that can be paid for are
-    used up; and no patch is moved further than that.
+    level: of care; with it until no corner below it gains any more, or once the patches that can be paid for
+    are used up until the worst corner gains no more; and no patch is moved further than that.
 
     A round of patches counts as a sweep. stopping: its target, max_iterations and time_limit hold. done: how
     many sweeps came before. on_sweep: called after each round. interrupted: asked before each patch; when
@@ -127,7 +127,7 @@ class _State:
         if self._level == np.inf:
             worst = np.where(self._beyond, np.inf, self.quality).argmin()
             return StopReason.CONVERGED if self.layers[worst] > LAYERS else None
-        return None if self._left > 0 and len(self.worst()) else StopReason.CONVERGED
+        return None if len(self.worst()) else StopReason.CONVERGED
 
     def worst(self) -> np.ndarray:
         """The worst corners that may gain, worst first; of equals the first."""
@@ -135,7 +135,8 @@ class _State:
         if self._level < np.inf:
             first = int(np.where(self._beyond, np.inf, self.quality).argmin())
             may &= self.quality < self._level
-            may &= (self.layers <= _AROUND_OTHERS) | (np.arange(len(may)) == first)
+            others = (self.layers <= _AROUND_OTHERS) & (self._left > 0)
+            may &= others | (np.arange(len(may)) == first)
             among = self.quality[may]
         if len(among) > _CANDIDATES:
             may &= self.quality <= np.partition(among, _CANDIDATES - 1)[_CANDIDATES - 1]
