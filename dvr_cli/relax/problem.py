@@ -14,7 +14,7 @@ import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.boundary.freedom import Freedom
-from dvr_cli.mesh.corners import Corners, ShapeTable, Simplices
+from dvr_cli.mesh.corners import Corners, Simplices
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.morton import morton_order
 from dvr_cli.mesh.rings import Rings, incidence_of
@@ -150,7 +150,7 @@ def build_problem(
     vertices, shapes, touched_ids = backend.twin(touched_corners)(
         corners.vertices, corners.shapes, moves, number
     )
-    touched = Simplices(vertices, *_in_order_of_use(shapes, corners.table))
+    touched = Simplices(vertices, shapes, corners.table)
     moving = moves[morton]
     incidence = incidence_of(touched, np.flatnonzero(moving), n_points, backend)
     natural = (np.cumsum(moving) - 1)[number[relaxed]]
@@ -160,7 +160,7 @@ def build_problem(
         walks[number[parts.walking]] = True
         split = [part[np.argsort(walks[incidence.vertices[part]], kind="stable")] for part in split]
     sequence = np.concatenate([np.empty(0, dtype=np.int64), *split])
-    rings = incidence.rings(touched, sequence, backend)
+    touched, rings = _in_order_of_use(touched, incidence.rings(touched, sequence, backend))
     batch_start = np.concatenate([[0], np.cumsum([len(part) for part in split], dtype=np.int64)])
     walk_start = carriers = None
     if parts is not None:
@@ -196,21 +196,25 @@ def touched_corners(
     return renumbered[order], shapes[touched[order]], touched[order]
 
 
-def _in_order_of_use(shapes: np.ndarray, table: ShapeTable) -> tuple[np.ndarray, ShapeTable]:
-    """``shapes`` with new numbers, and the table with those rows alone, in the order in which they are named.
+def _in_order_of_use(touched: Simplices, rings: Rings) -> tuple[Simplices, Rings]:
+    """The same with a table of those rows alone that they name, in the order in which a sweep reads them.
 
     Of many rows those that are used together then lie together in memory. Few are left as they are.
     """
+    table = touched.table
     if len(table.norm) <= _FEW_ROWS:
-        return shapes, table
-    named = shapes.ravel()
+        return touched, rings
+    named = np.concatenate([rings.shapes, touched.shapes.ravel()])
     place = np.arange(len(named))
     first = np.empty(len(table.norm), dtype=np.int64)
     first[named[::-1]] = place[::-1]  # the first place of each is the last to be put
     rows = named[first[named] == place]
-    number = np.empty(len(table.norm), dtype=shapes.dtype)
-    number[rows] = np.arange(len(rows), dtype=shapes.dtype)
-    return number[shapes], table.part(rows)
+    number = np.empty(len(table.norm), dtype=rings.shapes.dtype)
+    number[rows] = np.arange(len(rows), dtype=number.dtype)
+    return (
+        replace(touched, shapes=number[touched.shapes], table=table.part(rows)),
+        replace(rings, shapes=number[rings.shapes]),
+    )
 
 
 def _of_rings(freedom: Freedom | None, vertices: np.ndarray) -> Freedom | None:
