@@ -53,10 +53,12 @@ def _gate(option: str, text: str, below: bool) -> Gate:
     return Gate(name or None, limit, below)
 
 
-def failures(gates: Sequence[Gate], mesh: Mesh, points: np.ndarray, quality: Quality) -> list[str]:
+def failures(
+    gates: Sequence[Gate], quality: Quality, mesh: Mesh | None = None, points: np.ndarray | None = None
+) -> list[str]:
     """The gates that fail, in words; mesh: with coordinates ``points`` instead of its own, of this quality.
 
-    Raises InputError for a measure that its cells do not have.
+    Only gates on measures need the mesh. Raises InputError for a measure that its cells do not have.
     """
     if not gates:
         return []
@@ -66,6 +68,8 @@ def failures(gates: Sequence[Gate], mesh: Mesh, points: np.ndarray, quality: Qua
 
     @cache
     def geometry() -> cell_measures.Geometry:
+        assert mesh is not None
+        assert points is not None
         return cell_measures.Geometry(domain_of(mesh, straighten=True), points)
 
     texts = []

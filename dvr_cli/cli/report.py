@@ -56,7 +56,7 @@ def quality(
     with naming(path):
         chosen = given["regions"] or ()
         report = mesh_quality(mesh, given["worst"], chosen, metric, name)
-        failed = failures(gates, mesh, mesh.points, report.quality)
+        failed = failures(gates, report.quality, mesh, mesh.points)
     if plot is not None:
         text = quality_text(report, str(path), "█")
         write_picture(
@@ -114,7 +114,7 @@ def compare(
     metric = metric_source(given["metric"])
     with naming(", ".join(names)):
         comparison = compare_domains(meshes, domains, metric, name)
-        failed = failures(gates, meshes[-1], meshes[-1].points, comparison.after.quality)
+        failed = failures(gates, comparison.after.quality, meshes[-1], meshes[-1].points)
     if plot is not None:
         states = {
             name: (mesh.points, report.quality)

@@ -77,8 +77,10 @@ def run(
             result = apart(paths, progress.sweep, lambda: interrupt.requested)
         if result is None:
             result, failed, notes = _run_here(paths, work, given, gates, progress, interrupt)
-        elif report is not None:
-            _write_report(report, result, source, output)
+        else:
+            failed = failures(gates, result.after)
+            if report is not None:
+                _write_report(report, result, source, output)
     if not quiet:
         from dvr_cli.report.text.summary import smooth_text
 
@@ -129,7 +131,7 @@ def _run_here(
                 on_sweep=progress.sweep,
                 interrupted=lambda: interrupt.requested,
             )
-            failed = failures(gates, opened.mesh, points, result.after)
+            failed = failures(gates, result.after, opened.mesh, points)
             if field and measure is not None:
                 from dvr_cli.quality.cell_measures import measure_field
 

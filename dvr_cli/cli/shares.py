@@ -16,7 +16,6 @@ _NEED_ALL = (
     "quality_field",
     "geometry",
     "plot",
-    "fail_below",
     "fail_above",
     "mesh",
     "input_format",
@@ -38,6 +37,7 @@ def smooth_in_shares(
     see ``sweeps.relax``.
     """
     from dvr_cli.api.shares import Hooks, Task, smooth_shares, takes
+    from dvr_cli.cli.gates import gates_of
     from dvr_cli.distributed.ranks import together
     from dvr_cli.errors import DvrError
     from dvr_cli.files import writing
@@ -48,7 +48,8 @@ def smooth_in_shares(
     formats = formats_by_suffix(source)
     same = len(formats) == 1 and formats == formats_by_suffix(output)
     page = report is not None and report.suffix.lower() == ".html"
-    if page or not same or any(given[name] for name in _NEED_ALL) or not takes(options):
+    measured = any(gate.measure is not None for gate in gates_of(given))
+    if page or measured or not same or any(given[name] for name in _NEED_ALL) or not takes(options):
         return None
     if writing.is_stream(output) or not source.is_file():
         return None

@@ -122,13 +122,15 @@ def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
     assert kept > 0
 
 
-def test_a_mesh_is_replaced_by_its_result(tmp_path, on_ranks):
+def test_a_mesh_is_replaced_by_its_result_even_if_that_is_not_good_enough(tmp_path, on_ranks, capsys):
     path = write(tmp_path, "positive")
     before = path.read_bytes()
-    words = ["-d", "random", "-n", "2", "--engine", "numpy", "--quiet", "--no-report"]
-    assert main(["smooth", str(path), str(tmp_path / "expected.vtk"), *words]) == 0
-    _, ends = job(on_ranks, 2, tmp_path, [["smooth", path.name, path.name, *words, "--mpi"]], "in shares")
-    assert ends == [0]
+    words = ["-d", "random", "-n", "2", "--engine", "numpy", "--quiet", "--no-report", "--fail-below", "0.9"]
+    assert main(["smooth", str(path), str(tmp_path / "expected.vtk"), *words]) == 1
+    said = capsys.readouterr().err
+    done, ends = job(on_ranks, 2, tmp_path, [["smooth", path.name, path.name, *words, "--mpi"]], "in shares")
+    assert (ends, done.stderr) == ([1], said)
+    assert "0.9" in said
     assert before != path.read_bytes() == (tmp_path / "expected.vtk").read_bytes()
 
 
