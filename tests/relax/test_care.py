@@ -1,5 +1,7 @@
 """The level of care: what moves, how far, and what never decreases."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +15,7 @@ from dvr_cli.relax.care import Care
 from dvr_cli.relax.descent import descend
 from dvr_cli.relax.directions import ascent_field, direction_field, random_field
 from dvr_cli.relax.engines.numpy_engine import NumpyEngine
-from dvr_cli.relax.patches.phase import relax_patches
+from dvr_cli.relax.patches.phase import LAYERS, relax_patches
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.ring_qualities import RingQualities
@@ -140,6 +142,18 @@ def test_rings_above_the_level_do_not_move_and_those_below_settle():
     for expected in (None, None, "converged"):
         assert care.reason(0, 0.0) == expected
         care.update()  # nothing has moved: after two such sweeps all have settled
+
+
+def test_patches_go_on_around_the_worst_element_after_those_that_can_be_paid_for(monkeypatch):
+    """Until it has been tried with every layer, and has gained nothing."""
+    monkeypatch.setattr("dvr_cli.relax.patches.phase._LEAST", 1)
+    engine, _ = loaded(delaunay(200, 3, 0))
+    worst = engine.q1()
+    outcome = relax_patches(engine, Stopping(), level=float(np.quantile(engine.qualities(), 0.2)))
+    reached = [worst, *(sweep.q1 for sweep in outcome.sweeps)]
+    assert outcome.stopped_because == "converged"
+    assert reached[2] > reached[1] > reached[0] > 0
+    assert all(b <= 1.01 * a for a, b in pairwise(reached[-LAYERS - 1 :]))
 
 
 def test_sweeps_say_what_share_is_below_the_level():
