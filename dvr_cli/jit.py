@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
-from functools import cache, partial
+from functools import cache, partial, update_wrapper
 from importlib.util import find_spec
+from operator import attrgetter, itemgetter
 from pathlib import Path
+from threading import Lock
 from types import FunctionType, MappingProxyType, ModuleType
 from typing import Any, TypeVar, cast
 
@@ -25,6 +27,7 @@ from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic
 
 from dvr_cli.kept import last_change
+from dvr_cli.quick_typing import remember_choices
 
 
 def _load_without_blas() -> None:
@@ -52,9 +55,23 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
+class _Unsettled:
+    """A property of meshes in code that nothing is compiled from as it stands."""
+
+    def __bool__(self) -> bool:
+        raise TypeError("only what is compiled by kind knows the kind of mesh")
+
+
+# In functions that are compiled by kind, and their parts: whether points have two coordinates, and whether
+# shapes are measured in a metric. The compiler leaves out what depends on the other.
+PLANAR: Any = _Unsettled()
+MEASURED: Any = _Unsettled()
+
+
 def compiled(function: _Function, **options: Any) -> _Function:
     """``function`` compiled when first called; it may be a plain loop over arrays."""
     options |= _OPTIONS
+    remember_choices()
     try:
         made = njit(cache=True, **options)(function)
     except RuntimeError:  # no directory to keep the result in: compile it anew in every process
@@ -67,6 +84,7 @@ def compiled(function: _Function, **options: Any) -> _Function:
 def part(function: _Function, **options: Any) -> _Function:
     """``function`` as a part of kernels that call it."""
     if vars(config)["DISABLE_JIT"]:
+        _PLAIN.add(function)
         return function
     options |= {"nopython": True, "boundscheck": None, "no_cpython_wrapper": True, **_OPTIONS}
     return cast(_Function, _Part(function, {}, options, _PartCompiler))
@@ -78,6 +96,88 @@ def inlined(function: _Function) -> _Function:
     A call proper counts references to each array it is given, which costs more than a few sums do.
     """
     return part(function, forceinline=True)
+
+
+def compiled_by_kind(function: _Function) -> _Function:
+    """``function`` compiled for each kind of mesh by itself, when first called for one.
+
+    Its arguments say which kind: ``points``, and ``factor`` (of a ``ShapeTable``), or what has these.
+    """
+    return cast(_Function, _ByKind(function))
+
+
+class _ByKind:
+    """A kernel that is another one for each kind of mesh."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        update_wrapper(self, function)
+        self.py_func = function
+        self._lock = Lock()
+        self._kernels: dict[tuple[bool, bool], Callable[..., Any]] = {}
+        names = function.__code__.co_varnames[: function.__code__.co_argcount]
+        self._points, self._factor = _place(names, "points"), _place(names, "factor")
+
+    def __call__(self, *args: Any) -> Any:
+        return self.of(self._points(args).shape[1] == 2, len(self._factor(args)) > 0)(*args)
+
+    def of(self, planar: bool, measured: bool) -> Callable[..., Any]:
+        """The kernel for a kind of mesh."""
+        kind = planar, measured
+        if kind not in self._kernels:
+            with self._lock:
+                if kind not in self._kernels:
+                    name = f"{self.py_func.__name__}_{'2d' if planar else '3d'}{'_metric' * measured}"
+                    self._kernels[kind] = compiled(_settled(self.py_func, kind, name))
+        return self._kernels[kind]
+
+
+def _place(names: Sequence[str], wanted: str) -> Callable[[Sequence[Any]], Any]:
+    """Finds among arguments of these names an array, by its own name or as a member of what has it."""
+    for i, name in enumerate(names):
+        if name == wanted:
+            return itemgetter(i)
+    for i, name in enumerate(names):
+        if name in _HOLDERS[wanted]:
+            return lambda args: attrgetter(_HOLDERS[wanted][name])(args[i])
+    return lambda _: ()
+
+
+# where named tuples have what tells the kind of mesh
+_HOLDERS = {
+    "points": {"walk": "points"},
+    "factor": {"rings": "factor", "patch": "factor", "walk": "rings.factor"},
+}
+
+
+def _settled(function: Any, kind: tuple[bool, bool], name: str) -> Any:
+    """A copy of a function, of which all it calls is for meshes of a kind."""
+    known = function.__globals__
+    names = {name: _of_kind(known[name], kind) for name in function.__code__.co_names if name in known} | {
+        "PLANAR": kind[0],
+        "MEASURED": kind[1],
+        "__name__": known["__name__"],
+    }
+    copy = FunctionType(function.__code__, names, name, function.__defaults__)
+    copy.__qualname__ = name
+    return copy
+
+
+_PLAIN: set[Any] = set()  # the parts where nothing is compiled
+_parts: dict[tuple[Any, tuple[bool, bool]], Any] = {}  # those of a kind, by the functions that they are of
+
+
+def _of_kind(value: Any, kind: tuple[bool, bool]) -> Any:
+    """What a name stands for in functions for meshes of a kind: parts are others for each."""
+    if isinstance(value, _ByKind):
+        return value.of(*kind)
+    plain = isinstance(value, FunctionType) and value in _PLAIN
+    if not (plain or isinstance(value, _Part)):
+        return value
+    function = value if plain else value.py_func
+    if (function, kind) not in _parts:
+        copy = _settled(function, kind, function.__name__)
+        _parts[function, kind] = copy if plain else _Part(copy, {}, value.targetoptions, _PartCompiler)
+    return _parts[function, kind]
 
 
 class _Part(CPUDispatcher):
@@ -158,7 +258,7 @@ def compiled_over(
     for name, value in vars(module).items():
         if isinstance(value, FunctionType) and value.__module__ == module.__name__:
             twin = FunctionType(value.__code__, known, name, value.__defaults__)
-            known[name] = compiled(twin) if name in entries else inlined(twin)
+            known[name] = compiled_by_kind(twin) if name in entries else inlined(twin)
     return known
 
 

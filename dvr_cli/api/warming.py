@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Callable
@@ -25,6 +26,7 @@ from dvr_cli.relax.problem import Problem, touched_corners
 from dvr_cli.relax.stopping import Stopping
 
 _NICE = 10  # the priority of a process that compiles for another
+_GARBAGE = 100_000  # objects after which it looks for garbage: it lives shortly, and makes many that stay
 _BOXES = 3  # along each edge of the cube
 _TETRAHEDRA = ((0, 1, 3, 7), (0, 3, 2, 7), (0, 2, 6, 7), (0, 6, 4, 7), (0, 4, 5, 7), (0, 5, 1, 7))
 
@@ -69,6 +71,7 @@ def compile_for(sort: str) -> None:
     Thread(target=_end_with_stdin, daemon=True).start()
     if hasattr(os, "nice"):
         os.nice(_NICE)
+    gc.set_threshold(_GARBAGE)
     compile_in_turn()
     mesh, more = SORTS[sort]()
     more = {name: value for name, value in more.items() if name != "order"}
@@ -116,9 +119,9 @@ def _colour(mesh: Mesh) -> None:
 
 def _folder() -> str:
     """The folder that keeps what numba compiles; UsageError if none does."""
-    from dvr_cli.relax.enough_numba import relax_rings
+    from dvr_cli.mesh.rings_numba import rings
 
-    kernel: Any = relax_rings
+    kernel: Any = rings
     folder = kernel.stats.cache_path
     if folder is None:
         raise UsageError("warm-up: no folder can be written for what is compiled; NUMBA_CACHE_DIR names one")

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import PLANAR, compiled_by_kind, inlined
 
 
-@compiled
+@compiled_by_kind
 def extremes(points: np.ndarray, vertices: np.ndarray) -> tuple[float, float]:
     """As ``altitudes.extremes``, for planar and volume meshes."""
     least, sharpest = np.inf, 0.0
     for c in range(len(vertices)):
-        if points.shape[1] == 2:
+        if PLANAR:
             v, largest, total = plane_facets(points, vertices[c, 0], vertices[c, 1], vertices[c, 2])
         else:
             o, p, q, r = vertices[c, 0], vertices[c, 1], vertices[c, 2], vertices[c, 3]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import MEASURED, PLANAR, compiled_by_kind, inlined
 from dvr_cli.quality.mean_ratio_numba import corner_terms_2d, corner_terms_3d, metric_norm
 
 
@@ -14,7 +14,7 @@ def badness(v: float, s: float, d: int) -> float:
     return ratio if v > 0 else np.inf
 
 
-@compiled
+@compiled_by_kind
 def worst_corner(
     points: np.ndarray,
     vertices: np.ndarray,
@@ -25,14 +25,13 @@ def worst_corner(
     last: int,
 ) -> tuple[int, float]:
     """The first of the corners first .. last with the largest badness, and that badness."""
-    metric = len(factor) > 0
     worst, largest = first, -1.0
     for c in range(first, last):
-        if points.shape[1] == 2:
+        if PLANAR:
             v, s = corner_terms_2d(points, vertices[c], norm, shapes[c, 0])
         else:
             v, s = corner_terms_3d(points, vertices[c], norm, shapes[c, 0])
-        if metric:
+        if MEASURED:
             s = metric_norm(points, vertices[c], norm, factor, shapes[c, 0])
         here = badness(v, s, points.shape[1])
         if here > largest:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import PLANAR, compiled_by_kind, inlined
 from dvr_cli.mesh.simplex_numba import determinant_2d, determinant_3d
 
 
-@compiled
+@compiled_by_kind
 def corner_terms(
     points: np.ndarray,
     vertices: np.ndarray,
@@ -22,13 +22,13 @@ def corner_terms(
     norm: as in ``ShapeTable``.
     """
     for c in range(len(vertices)):
-        if points.shape[1] == 2:
+        if PLANAR:
             v[c], s[c] = corner_terms_2d(points, vertices[c], norm, shapes[c, 0])
         else:
             v[c], s[c] = corner_terms_3d(points, vertices[c], norm, shapes[c, 0])
 
 
-@compiled
+@compiled_by_kind
 def metric_norms(
     points: np.ndarray,
     vertices: np.ndarray,
@@ -47,9 +47,8 @@ def metric_norm(
     points: np.ndarray, corner: np.ndarray, norm: np.ndarray, factor: np.ndarray, k: int
 ) -> float:
     """s of one corner with row k of the shape table, its edges seen through L."""
-    d = points.shape[1]
     x, p, q = points[corner[0]], points[corner[1]], points[corner[2]]
-    if d == 2:
+    if PLANAR:
         e0, e1 = through_2d(factor, k, p[0] - x[0], p[1] - x[1])
         f0, f1 = through_2d(factor, k, q[0] - x[0], q[1] - x[1])
         s = norm[k, 0] * (e0 * e0 + e1 * e1)

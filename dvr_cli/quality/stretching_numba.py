@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined, part
+from dvr_cli.jit import PLANAR, compiled, compiled_by_kind, inlined, part
 from dvr_cli.quality.stretching import LIKELY, SEED
 
 _LEVEL = np.log(LIKELY)
@@ -54,7 +54,6 @@ def averaged(values: np.ndarray, vertices: np.ndarray, start: np.ndarray, n_poin
     return result
 
 
-@compiled
 def candidates(
     points: np.ndarray,
     vertices: np.ndarray,
@@ -69,12 +68,24 @@ def candidates(
     The third average in a cell is one of those at vertices (T) within two rings of it, so that its aspect is
     not above the largest of theirs. Bounds that cost less tell where these are looked at.
     """
+    count, by_quality = np.zeros(len(points)), np.zeros(len(points))
+    allowed = _allowed_by_quality(vertices, start, quality, positive, count, by_quality)
+    if not allowed.any():
+        return allowed
     mesh = _Arrays(points, vertices, shapes, start, root, quality, positive)
+    return _likely(points, mesh, count, by_quality, allowed)
+
+
+@compiled_by_kind
+def _likely(
+    points: np.ndarray, mesh: _Arrays, count: np.ndarray, by_quality: np.ndarray, result: np.ndarray
+) -> np.ndarray:
+    """Those of the cells ``result`` (n,) that the averages of L leave; see ``candidates``.
+
+    Few meshes need it, so it is a kernel of its own. count, by_quality: see ``_allowed_by_quality``.
+    """
+    vertices, start = mesh.vertices, mesh.start
     n, n_points, width = len(start) - 1, len(points), vertices.shape[1]
-    count, by_quality = np.zeros(n_points), np.zeros(n_points)
-    result = _allowed_by_quality(vertices, start, quality, positive, count, by_quality)
-    if not result.any():
-        return result
     rings = np.full(n_points, _FAR, dtype=np.int8)
     for cell in range(n):
         if result[cell]:
@@ -124,7 +135,7 @@ def candidates(
     return result
 
 
-@part
+@compiled
 def _allowed_by_quality(
     vertices: np.ndarray,
     start: np.ndarray,
@@ -196,7 +207,7 @@ def _sum_bounds(mesh: _Arrays, cells: np.ndarray, rings: np.ndarray, total: np.n
         here[:] = 0.0
         for c in range(start[cell], start[cell + 1]):
             if positive[cell] and quality[c] >= _SLIVER:
-                if width == 3:
+                if PLANAR:
                     _add_square_2d(points, vertices, c, root, shapes[c, 0], quality[c], here)
                 else:
                     _add_squares_3d(points, vertices, c, root, shapes[c, 0], quality[c], here)
@@ -256,7 +267,7 @@ def _sum_stretching(mesh: _Arrays, cells: np.ndarray, rings: np.ndarray, total: 
             continue
         here[:] = 0.0
         for c in range(start[cell], start[cell + 1]):
-            if width == 3:
+            if PLANAR:
                 _add_stretching_2d(points, vertices, c, root, shapes[c, 0], here)
             else:
                 _add_stretching_3d(points, vertices, c, root, shapes[c, 0], here)
@@ -509,7 +520,7 @@ def _eigenvalues(
 @inlined
 def _log_aspect(tensor: np.ndarray) -> float:
     """ln α of a tensor given as its diagonal and upper triangle."""
-    if len(tensor) == 3:
+    if PLANAR:
         half = (tensor[0] - tensor[1]) / 2.0
         return np.sqrt(half * half + tensor[2] * tensor[2])
     low, _, high = _eigenvalues(tensor[0], tensor[1], tensor[2], tensor[3], tensor[4], tensor[5])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import MEASURED, PLANAR, compiled_by_kind, inlined
 from dvr_cli.quality.altitudes_numba import plane_facets, space_facets
 from dvr_cli.quality.badness_numba import badness
 from dvr_cli.quality.mean_ratio_numba import corner_terms_2d, corner_terms_3d, metric_norm
@@ -19,7 +19,7 @@ _FACE = 0.2166
 Vector = tuple[float, float, float]
 
 
-@compiled
+@compiled_by_kind
 def hold_altitudes(
     points: np.ndarray,
     before: np.ndarray,
@@ -74,11 +74,13 @@ def _below(points: np.ndarray, o: int, ring: int, rings: RingArrays, bound: floa
     others = rings.others
     for c in range(rings.start[ring], rings.start[ring + 1]):
         p, q = others[c, 0], others[c, 1]
-        if points.shape[1] == 2:
+        if PLANAR:
             v, largest, _ = plane_facets(points, o, p, q)
             if v < bound * np.sqrt(largest):
                 return True
-        elif not _is_far(points, o, p, q, others[c, 2], bound):
+        else:
+            if _is_far(points, o, p, q, others[c, 2], bound):
+                continue
             v, largest, _ = space_facets(points, o, p, q, others[c, 2])
             if v < bound * np.sqrt(largest):
                 return True
@@ -113,11 +115,11 @@ def _largest_badness(
     for c in range(rings.start[ring], rings.start[ring + 1]):
         for i in range(d):
             corner[i + 1] = rings.others[c, i]
-        if d == 2:
+        if PLANAR:
             v, s = corner_terms_2d(points, corner, rings.norm, rings.shapes[c])
         else:
             v, s = corner_terms_3d(points, corner, rings.norm, rings.shapes[c])
-        if len(rings.factor):
+        if MEASURED:
             s = metric_norm(points, corner, rings.norm, rings.factor, rings.shapes[c])
         largest = max(largest, badness(v, s, d))
     return largest
@@ -133,7 +135,7 @@ def _way_out(
     p, q = rings.others[c, 0], rings.others[c, 1]
     p0, p1, q0, q1 = points[p, 0], points[p, 1], points[q, 0], points[q, 1]
     e0, e1, f0, f1 = p0 - x0, p1 - x1, q0 - x0, q1 - x1
-    if points.shape[1] == 2:
+    if PLANAR:
         n0, n1 = q1 - p1, -(q0 - p0)
         v, dv = e0 * n0 + e1 * n1, -(w0 * n0 + w1 * n1)
         part = _exit(v, dv, n0 * n0 + n1 * n1, 0.0, 0.0, bound)

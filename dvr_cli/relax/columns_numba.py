@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import inlined
+from dvr_cli.jit import MEASURED, PLANAR, inlined
 from dvr_cli.quality.badness_numba import badness
 from dvr_cli.relax.problem import RingArrays
 
@@ -44,11 +44,11 @@ def set_ring(
         k = rings.shapes[lo + c]
         if scratch[SHAPE, c] != k:  # in most meshes all shapes are one and stay in place
             _set_shape(scratch, c, k, rings)
-    if points.shape[1] == 2:
+    if PLANAR:
         _set_lines_2d(points, vertex, d0, d1, ring, rings, scratch)
     else:
         _set_lines_3d(points, vertex, d0, d1, d2, ring, rings, scratch)
-    if len(rings.factor):
+    if MEASURED:
         _set_metric_norms(points, vertex, d0, d1, d2, n, scratch)
     return n
 
@@ -85,7 +85,7 @@ def _set_shape(scratch: np.ndarray, c: int, k: int, rings: RingArrays) -> None:
     for i in range(rings.slope.shape[1]):
         scratch[SLOPE + i, c] = rings.slope[k, i]
     scratch[CURVATURE, c] = rings.curvature[k]
-    if len(rings.factor):
+    if MEASURED:
         for i in range(rings.factor.shape[1]):
             scratch[FACTOR + i, c] = rings.factor[k, i]
 
@@ -183,7 +183,7 @@ def _set_metric_norms(
 ) -> None:
     """Put s0, s1 and s2 of edges seen through L in the place of those of the edges themselves."""
     x0, x1 = points[vertex, 0], points[vertex, 1]
-    if points.shape[1] == 2:
+    if PLANAR:
         for c in range(padded(n)):
             e0, e1 = _through_2d(scratch, c, scratch[END, c] - x0, scratch[END + 1, c] - x1)
             f0, f1 = _through_2d(scratch, c, scratch[END + 3, c] - x0, scratch[END + 4, c] - x1)
@@ -212,7 +212,7 @@ def _set_metric_norms(
 def largest_metric_badness(x0: float, x1: float, x2: float, n: int, d: int, scratch: np.ndarray) -> float:
     """The largest badness of a ring with its vertex at x, its edges seen through L."""
     for c in range(padded(n)):
-        if d == 2:
+        if PLANAR:
             a0, a1 = scratch[END, c] - x0, scratch[END + 1, c] - x1
             v = a0 * scratch[NORMAL, c] + a1 * scratch[NORMAL + 1, c]
             e0, e1 = _through_2d(scratch, c, a0, a1)
@@ -234,7 +234,7 @@ def largest_metric_badness(x0: float, x1: float, x2: float, n: int, d: int, scra
 @inlined
 def to_metric(scratch: np.ndarray, row: int, at: int, c: int, d: int) -> None:
     """Multiply the vector in column ``at`` of some rows by LᵀL of column c; see ``simplex.back_through``."""
-    if d == 2:
+    if PLANAR:
         a, b = _through_2d(scratch, c, scratch[row, at], scratch[row + 1, at])
         scratch[row, at] = scratch[FACTOR, c] * a
         scratch[row + 1, at] = scratch[FACTOR + 1, c] * a + scratch[FACTOR + 2, c] * b
@@ -250,7 +250,7 @@ def to_metric(scratch: np.ndarray, row: int, at: int, c: int, d: int) -> None:
 @inlined
 def see_through(scratch: np.ndarray, row: int, at: int, d: int) -> None:
     """Replace the vector u in column ``at`` of some rows by L u, with L of column 0."""
-    if d == 2:
+    if PLANAR:
         a, b = _through_2d(scratch, 0, scratch[row, at], scratch[row + 1, at])
         scratch[row, at], scratch[row + 1, at] = a, b
         return
@@ -261,7 +261,7 @@ def see_through(scratch: np.ndarray, row: int, at: int, d: int) -> None:
 @inlined
 def solve(scratch: np.ndarray, row: int, at: int, d: int) -> None:
     """Replace the vector u in column ``at`` of some rows by L⁻¹ u, with L of column 0."""
-    if d == 2:
+    if PLANAR:
         b = scratch[row + 1, at] / scratch[FACTOR + 2, 0]
         scratch[row, at] = (scratch[row, at] - scratch[FACTOR + 1, 0] * b) / scratch[FACTOR, 0]
         scratch[row + 1, at] = b
@@ -278,7 +278,7 @@ def solve_back(scratch: np.ndarray, row: int, at: int, d: int) -> None:
     """Replace the vector u in column ``at`` of some rows by L⁻ᵀ u, with L of column 0."""
     a = scratch[row, at] / scratch[FACTOR, 0]
     scratch[row, at] = a
-    if d == 2:
+    if PLANAR:
         scratch[row + 1, at] = (scratch[row + 1, at] - scratch[FACTOR + 1, 0] * a) / scratch[FACTOR + 2, 0]
         return
     b = (scratch[row + 1, at] - scratch[FACTOR + 1, 0] * a) / scratch[FACTOR + 3, 0]

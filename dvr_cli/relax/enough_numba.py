@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import MEASURED, PLANAR, compiled_by_kind, inlined
 from dvr_cli.relax.columns_numba import (
     BADNESS,
     SHAPE,
@@ -42,7 +42,7 @@ def nearest(lines: np.ndarray, n: int, d: int, to: float, enough: float) -> floa
     return to
 
 
-@compiled
+@compiled_by_kind
 def relax_rings(
     points: np.ndarray,
     directions: np.ndarray,
@@ -75,9 +75,9 @@ def relax_rings(
         x0 = points[vertex, 0] + step * d0
         x1 = points[vertex, 1] + step * d1
         x2 = points[vertex, 2] + step * d2 if d == 3 else 0.0
-        if len(rings.factor):
+        if MEASURED:
             after = largest_metric_badness(x0, x1, x2, n, d, scratch)
-        elif d == 2:
+        elif PLANAR:
             after = largest_badness_2d(x0, x1, n, scratch)
         else:
             after = largest_badness_3d(x0, x1, x2, n, scratch)

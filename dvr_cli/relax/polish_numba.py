@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import MEASURED, PLANAR, compiled_by_kind, inlined
 from dvr_cli.relax.columns_numba import (
     BADNESS,
     POWER,
@@ -23,7 +23,7 @@ from dvr_cli.relax.line_numba import keeps_within, root, s_at, v_at, worst_corne
 from dvr_cli.relax.polish import CLOSE, CUBE_ROOT, INSIDE, MAX_CLIPS, MAX_STEPS, SQUARINGS, SUM_GAIN, Aim
 
 
-@compiled
+@compiled_by_kind
 def polish_rings(
     points: np.ndarray,
     directions: np.ndarray,
@@ -76,7 +76,7 @@ def polish_rings(
 @inlined
 def _put(points: np.ndarray, vertex: int, x0: float, x1: float, x2: float) -> None:
     points[vertex, 0], points[vertex, 1] = x0, x1
-    if points.shape[1] == 3:
+    if not PLANAR:
         points[vertex, 2] = x2
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import MEASURED, compiled_by_kind, inlined
 from dvr_cli.relax.columns_numba import (
     ALONG,
     BADNESS,
@@ -28,7 +28,7 @@ from dvr_cli.relax.problem import RingFreedom
 from dvr_cli.relax.steepest import MAX_TRANSFERS, SHORTEST, VANISHING
 
 
-@compiled
+@compiled_by_kind
 def steepest_directions(
     points: np.ndarray,
     directions: np.ndarray,
@@ -58,16 +58,15 @@ def steepest_directions(
         worst = worst_corner(scratch, n, 0.0, d)
         largest = scratch[BADNESS, worst]
         count, initial = 0, -1
-        own = len(rings.factor) > 0
-        axis0, axis1, axis2 = axis_of(on_line, axis, ring, d, own, scratch)
+        axis0, axis1, axis2 = axis_of(on_line, axis, ring, d, scratch)
         for c in range(n):
             if scratch[BADNESS, c] >= largest * keep:
                 if largest < np.inf:
-                    gradient(points, vertex, c, d, own, scratch, count)
-                    if own:
+                    gradient(points, vertex, c, d, scratch, count)
+                    if MEASURED:
                         solve_back(scratch, GRADIENT, count, d)
                 else:
-                    _raising(c, d, own, scratch, count)
+                    _raising(c, d, scratch, count)
                 if len(axis):
                     project(on_line[ring], axis0, axis1, axis2, d, scratch, count)
                 if _size(scratch, count, d) < np.inf:
@@ -75,25 +74,20 @@ def steepest_directions(
                         initial = count
                     count += 1
         _shortest_in_hull(directions, ring, initial, count, d, scratch)
-        if own:
+        if MEASURED:
             _unit_move(directions, ring, d, on_line, axis, scratch)
 
 
 @inlined
-def gradient(
-    points: np.ndarray, vertex: int, c: int, d: int, metric: bool, scratch: np.ndarray, to: int
-) -> None:
-    """d/2 times the gradient of log 1/Q of the corner in column c, put into column ``to``.
-
-    metric: whether the corner's edges are seen through L.
-    """
+def gradient(points: np.ndarray, vertex: int, c: int, d: int, scratch: np.ndarray, to: int) -> None:
+    """d/2 times the gradient of log 1/Q of the corner in column c, put into column ``to``."""
     for i in range(d):
         x = points[vertex, i]
         pull = scratch[SLOPE, c] * (scratch[END + i, c] - x)
         for j in range(1, d):
             pull = pull + scratch[SLOPE + j, c] * (scratch[END + 3 * j + i, c] - x)
         scratch[GRADIENT + i, to] = pull
-    if metric:
+    if MEASURED:
         to_metric(scratch, GRADIENT, to, c, d)
     for i in range(d):
         pull = scratch[GRADIENT + i, to]
@@ -102,16 +96,16 @@ def gradient(
 
 @inlined
 def axis_of(
-    on_line: np.ndarray, axis: np.ndarray, ring: int, d: int, metric: bool, scratch: np.ndarray
+    on_line: np.ndarray, axis: np.ndarray, ring: int, d: int, scratch: np.ndarray
 ) -> tuple[float, float, float]:
-    """The axis of a ring's line or plane, seen through L of column 0 if ``metric``; zeros if it has none.
+    """The axis of a ring's line or plane, seen through L of column 0 in a metric; zeros if it has none.
 
     on_line, axis: as for ``steepest_directions``. See ``measured.seen_axis``.
     """
     if len(axis) == 0:
         return 0.0, 0.0, 0.0
     a0, a1, a2 = axis[ring, 0], axis[ring, 1], axis[ring, 2] if d == 3 else 0.0
-    if not metric:
+    if not MEASURED:
         return a0, a1, a2
     scratch[GRADIENT, 0], scratch[GRADIENT + 1, 0], scratch[GRADIENT + 2, 0] = a0, a1, a2
     if on_line[ring]:
@@ -126,14 +120,11 @@ def axis_of(
 
 
 @inlined
-def _raising(c: int, d: int, own: bool, scratch: np.ndarray, to: int) -> None:
-    """The unit vector against which the determinant of column c grows, put into column ``to``.
-
-    own: whether vectors are measured through L of the ring's first corner.
-    """
+def _raising(c: int, d: int, scratch: np.ndarray, to: int) -> None:
+    """The unit vector against which the determinant of column c grows, put into column ``to``."""
     for i in range(d):
         scratch[GRADIENT + i, to] = scratch[NORMAL + i, c]
-    if own:
+    if MEASURED:
         solve_back(scratch, GRADIENT, to, d)
     size = np.sqrt(_size(scratch, to, d))
     for i in range(d):

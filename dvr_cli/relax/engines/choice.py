@@ -21,19 +21,23 @@ _REPAYS = 100_000
 _REPAYS_COMPILING = 1_000_000  # the same where the kernels have to be compiled first
 _USUAL_SWEEPS = 20
 _PATCHES = 650  # sweeps of NumPy that patches cost as much as
-# Kernels that runs compile, by folder of ``relax``, some of which set the run up.
+# Kernels that runs compile, by folder of ``relax``, some of which set the run up; there is one of each name
+# for each kind of mesh, "2d" or "3d".
 _KERNELS = {
     ".": (
         "mesh.rings_numba.rings",
-        "quality.badness_numba.worst_corner",
-        "quality.mean_ratio_numba.corner_terms",
-        "quality.stretching_numba.candidates",
-        "relax.enough_numba.relax_rings",
-        "relax.polish_numba.polish_rings",
-        "relax.newton_numba.newton_directions",
+        "quality.badness_numba.worst_corner_{kind}",
+        "quality.mean_ratio_numba.corner_terms_{kind}",
+        "quality.stretching_numba.candidates_{kind}",
+        "relax.enough_numba.relax_rings_{kind}",
+        "relax.polish_numba.polish_rings_{kind}",
+        "relax.newton_numba.newton_directions_{kind}",
     ),
-    "patches": ("relax.patches.neighbourhoods_numba.choose", "relax.patches.solver_numba.solve_patch"),
-    "surface": ("relax.surface.walk_numba.walk_directions", "relax.surface.walk_numba.walk_rings"),
+    "patches": ("relax.patches.neighbourhoods_numba.choose", "relax.patches.solver_numba.solve_patch_{kind}"),
+    "surface": (
+        "relax.surface.walk_numba.walk_directions_{kind}",
+        "relax.surface.walk_numba.walk_rings_{kind}",
+    ),
 }
 _REPAYS_STARTING = 300_000  # the same where another process compiles them meanwhile
 _WALK = 500  # updates of NumPy that one on a curved boundary or surface costs as much as
@@ -106,9 +110,12 @@ def is_compiling() -> bool:
     return is_under_way()
 
 
-def _are_compiled(folders: Sequence[str]) -> bool:
+def _are_compiled(folders: Sequence[str], planar: bool) -> bool:
     """False if it is certain that kernels in these folders of ``relax`` have to be compiled first."""
-    return all(may_be_kept(kernel) for folder in folders for kernel in _KERNELS[folder])
+    kernels = [
+        kernel.format(kind="2d" if planar else "3d") for folder in folders for kernel in _KERNELS[folder]
+    ]
+    return all(map(may_be_kept, kernels))
 
 
 def choose_engine(
@@ -118,13 +125,14 @@ def choose_engine(
     patches: bool = False,
     walking: int = 0,
     meanwhile: bool = False,
+    planar: bool = False,
 ) -> EngineKind:
     """The engine called ``name``, "auto" being the fastest for the work ahead.
 
     vertices: how many the mesh has. patches: whether patches are to be relaxed as well. walking: how many of
     the vertices walk on curved boundaries or surfaces. meanwhile: whether a process of its own may compile
-    what is missing, while NumPy begins. Raises UsageError for an engine that is unknown or not
-    installed.
+    what is missing, while NumPy begins. planar: whether the mesh lies in a plane. Raises UsageError for an
+    engine that is unknown or not installed.
     """
     if name not in ("auto", *KINDS):
         raise UsageError(f"engine: unknown {name!r}; known: {', '.join(('auto', *KINDS))}")
@@ -133,7 +141,7 @@ def choose_engine(
         work = vertices * (sweeps + (_PATCHES if patches else 0)) + walking * sweeps * _WALK
         folders = ["."] + ["patches"] * patches + ["surface"] * (walking > 0)
         fastest, repays = KINDS["numba"], _REPAYS
-        if not _are_compiled(folders):
+        if not _are_compiled(folders, planar):
             fastest, repays = (_HANDOVER, _REPAYS_STARTING) if meanwhile else (fastest, _REPAYS_COMPILING)
         elif fastest.is_loaded:
             repays = 0

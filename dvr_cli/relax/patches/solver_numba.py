@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined, part
+from dvr_cli.jit import MEASURED, PLANAR, compiled_by_kind, inlined, part
 from dvr_cli.mesh.simplex_numba import determinant_2d, determinant_3d
 from dvr_cli.quality.altitudes_numba import extremes
 from dvr_cli.quality.badness_numba import badness
@@ -29,7 +29,7 @@ from dvr_cli.relax.patches.solver import (
 )
 
 
-@compiled
+@compiled_by_kind
 def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
     """As ``solver.solve_patch``."""
     d = points.shape[1]
@@ -39,24 +39,31 @@ def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
     before = _badnesses(points, patch, bad)
     if before == np.inf:
         return before, before
-    size, own = _size(points, patch), _own_measure(patch)
-    seen = _seen_axes(patch, own)
+    size, own, seen = _size(points, patch), np.empty(0, dtype=np.int64), np.empty((0, d))
+    if MEASURED:
+        own = _own_measure(patch)
+        seen = _seen_axes(patch, own)
     for squarings in SQUARINGS[d - 2]:
         if _minimise(points, patch, own, seen, squarings, size, bad, power):
             break
     moved = np.empty(len(start))
     _take(points, moving, moved)
-    moved -= start
+    for i in range(len(moved)):
+        moved[i] -= start[i]
     _project(moved, patch)
     _project(moved, patch)
+    reached = np.empty(len(start))
     for _ in range(SHORTER):
-        _put(points, moving, start + moved)
+        for i in range(len(start)):
+            reached[i] = start[i] + moved[i]
+        _put(points, moving, reached)
         after = _badnesses(points, patch, bad)
         if not improves(before, after, d):
             break
         if patch.altitude <= 0.0 or extremes(points, patch.vertices)[0] >= patch.altitude:
             return before, after
-        moved *= 0.5
+        for i in range(len(moved)):
+            moved[i] *= 0.5
     _put(points, moving, start)
     return before, before
 
@@ -89,8 +96,9 @@ def _minimise(
     reference = _badnesses(points, patch, bad)
     f, total = _norm(bad, reference, squarings, power)
     _gradient(points, patch, power, f, total, g)
-    _measure(g, patch, own, seen)
-    way = np.empty(n) if len(own) else direction
+    if MEASURED:
+        _measure(g, patch, own, seen)
+    way = np.empty(n) if MEASURED else direction
     for _ in range(ITERATIONS):
         descent(g, steps, changes, curvature, factor, kept, d, direction)
         slope = dot(g, direction, d)
@@ -102,8 +110,9 @@ def _minimise(
             for i in range(n):
                 largest = max(largest, abs(direction[i]))
             step = FIRST_STEP * size / largest
-        if len(own):
-            way[:] = direction
+        if MEASURED:
+            for i in range(n):
+                way[i] = direction[i]
             _unmeasure(way, patch, own)
         falls, trial, worst = False, f, np.inf
         for _ in range(HALVINGS):
@@ -122,14 +131,16 @@ def _minimise(
         if worst <= patch.enough:
             return True
         _gradient(points, patch, power, trial, total, new)
-        _measure(new, patch, own, seen)
+        if MEASURED:
+            _measure(new, patch, own, seen)
         row = kept % rows
         for i in range(n):
             steps[row, i] = reached[i] - x[i]
             changes[row, i] = new[i] - g[i]
             x[i], g[i] = reached[i], new[i]
-        for i in range(len(own)):
-            _see_through(patch.factor, own[i], steps[row, i * d : (i + 1) * d])
+        if MEASURED:
+            for i in range(len(own)):
+                _see_through(patch.factor, own[i], steps[row, i * d : (i + 1) * d])
         curvature[row] = dot(steps[row], changes[row], d)
         if curvature[row] > 0.0:
             kept += 1
@@ -142,7 +153,7 @@ def _minimise(
 @inlined
 def _see_through(factor: np.ndarray, k: int, u: np.ndarray) -> None:
     """Put L u in the place of u, with row k of the shape table; see ``simplex.through``."""
-    if len(u) == 2:
+    if PLANAR:
         u[0], u[1] = through_2d(factor, k, u[0], u[1])
     else:
         u[0], u[1], u[2] = through_3d(factor, k, u[0], u[1], u[2])
@@ -151,7 +162,7 @@ def _see_through(factor: np.ndarray, k: int, u: np.ndarray) -> None:
 @inlined
 def _see_back(factor: np.ndarray, k: int, u: np.ndarray) -> None:
     """Put Lᵀ u in the place of u; see ``simplex.back_through``."""
-    if len(u) == 2:
+    if PLANAR:
         u[0], u[1] = factor[k, 0] * u[0], factor[k, 1] * u[0] + factor[k, 2] * u[1]
         return
     a, b, c = u[0], u[1], u[2]
@@ -201,10 +212,10 @@ def _keep_within(u: np.ndarray, on_line: bool, axis: np.ndarray) -> None:
 
 @part
 def _own_measure(patch: Patch) -> np.ndarray:
-    """See ``PatchEnergy``: (n,) rows of the shape table; empty without a metric."""
-    if len(patch.factor) == 0:
-        return np.empty(0, dtype=np.int64)
-    own = np.full(len(patch.moving), -1, dtype=np.int64)
+    """See ``PatchEnergy``: (n,) rows of the shape table."""
+    own = np.empty(len(patch.moving), dtype=np.int64)
+    for i in range(len(own)):
+        own[i] = -1
     for c in range(len(patch.vertices)):
         for k in range(patch.vertices.shape[1]):
             i = patch.slot[patch.vertices[c, k]]
@@ -217,10 +228,11 @@ def _own_measure(patch: Patch) -> np.ndarray:
 def _seen_axes(patch: Patch, own: np.ndarray) -> np.ndarray:
     """See ``measured.seen_axis``: (n, d)."""
     d = patch.axis.shape[1]
-    seen = np.zeros((len(own), d))
+    seen = np.empty((len(own), d))
     for i in range(len(own)):
         vertex, u = patch.moving[i], seen[i]
-        u[:] = patch.axis[vertex]
+        for j in range(d):
+            u[j] = patch.axis[vertex, j]
         if patch.dimension[vertex] == 1:
             _see_through(patch.factor, own[i], u)
         else:
@@ -238,7 +250,7 @@ def _seen_axes(patch: Patch, own: np.ndarray) -> np.ndarray:
 def _solve_back(factor: np.ndarray, k: int, u: np.ndarray) -> None:
     """Put L⁻ᵀ u in the place of u; see ``simplex.solve_back``."""
     u[0] = u[0] / factor[k, 0]
-    if len(u) == 2:
+    if PLANAR:
         u[1] = (u[1] - factor[k, 1] * u[0]) / factor[k, 2]
     else:
         u[1] = (u[1] - factor[k, 1] * u[0]) / factor[k, 3]
@@ -262,15 +274,14 @@ def _unmeasure(way: np.ndarray, patch: Patch, own: np.ndarray) -> None:
     d, factor = patch.axis.shape[1], patch.factor
     for i in range(len(own)):
         k, u = own[i], way[i * d : (i + 1) * d]
-        if d == 2:
+        if PLANAR:
             u[1] = u[1] / factor[k, 2]
             u[0] = (u[0] - factor[k, 1] * u[1]) / factor[k, 0]
         else:
             u[2] = u[2] / factor[k, 5]
             u[1] = (u[1] - factor[k, 4] * u[2]) / factor[k, 3]
             u[0] = (u[0] - factor[k, 1] * u[1] - factor[k, 2] * u[2]) / factor[k, 0]
-    if len(own):
-        _project(way, patch)
+    _project(way, patch)
 
 
 @part
@@ -282,7 +293,7 @@ def _size(points: np.ndarray, patch: Patch) -> float:
     for c in range(len(vertices)):
         for j in range(d):
             edge[j] = points[vertices[c, 1], j] - points[vertices[c, 0], j]
-        if len(patch.factor):
+        if MEASURED:
             _see_through(patch.factor, patch.shapes[c], edge)
         square = 0.0
         for j in range(d):
@@ -296,9 +307,9 @@ def _badnesses(points: np.ndarray, patch: Patch, bad: np.ndarray) -> float:
     """Fill ``bad`` with the badness of each corner, infinite where it is not positive; the largest."""
     vertices, shapes, norm = patch.vertices, patch.shapes, patch.norm
     largest = 0.0
-    if len(patch.factor):
+    if MEASURED:
         for c in range(len(vertices)):
-            if points.shape[1] == 2:
+            if PLANAR:
                 v = determinant_2d(points, vertices[c])
             else:
                 v = determinant_3d(points, vertices[c])
@@ -306,7 +317,7 @@ def _badnesses(points: np.ndarray, patch: Patch, bad: np.ndarray) -> float:
             bad[c] = badness(v, s, points.shape[1])
             largest = max(largest, bad[c])
         return largest
-    if points.shape[1] == 2:
+    if PLANAR:
         for c in range(len(vertices)):
             o, p, q, k = vertices[c, 0], vertices[c, 1], vertices[c, 2], shapes[c]
             e0, e1 = points[p, 0] - points[o, 0], points[p, 1] - points[o, 1]
@@ -364,12 +375,12 @@ def _gradient(
 ) -> None:
     """See ``PatchEnergy.gradient``; total: the sum of ``power``."""
     vertices, shapes, norm, slot = patch.vertices, patch.shapes, patch.norm, patch.slot
-    g[:] = 0.0
+    for i in range(len(g)):
+        g[i] = 0.0
     d = points.shape[1]
     e = np.empty((d, d))
     along = np.empty((d, d))
     normal = np.empty((d, d))
-    metric = len(patch.factor) > 0
     for c in range(len(vertices)):
         weight = power[c] / total
         if weight < NEGLIGIBLE:
@@ -379,7 +390,7 @@ def _gradient(
         for j in range(d):
             for i in range(d):
                 e[j, i] = points[vertices[c, j + 1], i] - points[vertices[c, 0], i]
-        if d == 2:
+        if PLANAR:
             normal[0, 0], normal[0, 1] = e[1, 1], -e[1, 0]
             normal[1, 0], normal[1, 1] = -e[0, 1], e[0, 0]
         else:
@@ -391,10 +402,10 @@ def _gradient(
         v = e[0, 0] * normal[0, 0]
         for i in range(1, d):
             v = v + e[0, i] * normal[0, i]
-        if metric:
+        if MEASURED:
             for j in range(d):
                 _see_through(patch.factor, k, e[j])
-        if d == 2:
+        if PLANAR:
             for i in range(2):
                 along[0, i] = 2.0 * norm[k, 0] * e[0, i] + norm[k, 2] * e[1, i]
                 along[1, i] = 2.0 * norm[k, 1] * e[1, i] + norm[k, 2] * e[0, i]
@@ -409,11 +420,11 @@ def _gradient(
         for j in range(1, d):
             for i in range(d):
                 s = s + e[j, i] * along[j, i]
-        if metric:
+        if MEASURED:
             for j in range(d):
                 _see_back(patch.factor, k, along[j])
         to_s, to_v = 2.0 * weight / s, weight / v
-        if d == 3:
+        if not PLANAR:
             to_s, to_v = 3.0 * to_s, 2.0 * to_v
         own = slot[vertices[c, 0]]
         for j in range(d):

@@ -49,7 +49,7 @@ def new_scratch(largest_ring: int) -> np.ndarray:
 def set_gradient(
     points: np.ndarray, vertex: int, ring: int, c: int, rings: RingArrays, scratch: np.ndarray, to: int
 ) -> None:
-    gradient(points, vertex, c, points.shape[1], len(rings.factor) > 0, scratch, to)
+    gradient(points, vertex, c, points.shape[1], scratch, to)
 
 
 @inlined

@@ -37,7 +37,7 @@ def settings(**options):
 def smoothed(mesh, monkeypatch, asked, on_sweep=None, **options):
     """Points and report of a run whose kernels are there after so many batches, and the countdown."""
     countdown, sorts = Countdown(asked), []
-    monkeypatch.setattr(choice, "_are_compiled", lambda folders: False)
+    monkeypatch.setattr(choice, "_are_compiled", lambda *_: False)
     monkeypatch.setattr(choice, "_REPAYS_STARTING", 0)
     monkeypatch.setattr(handover, "compiling", lambda sort: sorts.append(sort) or countdown)
     hook = None if on_sweep is None else lambda sweep: on_sweep(sweep, countdown)
@@ -84,7 +84,7 @@ def test_a_run_goes_on_alone_if_no_process_can_be_started(monkeypatch):
     assert handover.compiling("tetrahedra") is None
     assert not choice.is_compiling()
     monkeypatch.setattr(handover, "compiling", lambda sort: None)
-    monkeypatch.setattr(choice, "_are_compiled", lambda folders: False)
+    monkeypatch.setattr(choice, "_are_compiled", lambda *_: False)
     monkeypatch.setattr(choice, "_REPAYS_STARTING", 0)
     mesh = random_mesh("tetra", 5)
     assert smooth_mesh(mesh, settings(), meanwhile=True)[1].engine == "numpy"

@@ -380,8 +380,11 @@ def test_kernels_are_known_to_be_compiled_where_results_are_newer_than_all_sourc
 
 def test_all_kernels_that_are_looked_for_are_there():
     for kernel in itertools.chain(*choice._KERNELS.values()):
-        module, _, function = kernel.rpartition(".")
-        assert hasattr(getattr(import_module(f"dvr_cli.{module}"), function), "stats"), kernel
+        module, _, name = kernel.format(kind="2d").rpartition(".")
+        found = getattr(import_module(f"dvr_cli.{module}"), name.removesuffix("_2d"))
+        function = found.of(True, False) if name.endswith("_2d") else found
+        assert function.stats.cache_path, kernel
+        assert function.py_func.__qualname__ == name
 
 
 def test_auto_takes_numba_where_it_pays(monkeypatch):
@@ -389,18 +392,18 @@ def test_auto_takes_numba_where_it_pays(monkeypatch):
     assert choice.choose_engine("auto", 100, 100).name == "numpy"
     assert choice.choose_engine("auto", 10**6, 100).name == "numba"
     assert choice.choose_engine("auto", 10**6, 0).name == "numpy"
-    monkeypatch.setattr(choice, "_are_compiled", lambda folders: False)
+    monkeypatch.setattr(choice, "_are_compiled", lambda *_: False)
     assert choice.choose_engine("auto", 10_000, 100).name == "numpy"
     assert choice.choose_engine("auto", 10**6, 100).name == "numba"
     meanwhile = choice.choose_engine("auto", 10**6, 100, meanwhile=True)
     assert meanwhile.maker[1] == "HandoverEngine"
     assert choice.choose_engine("auto", 10_000, 100, meanwhile=True) is choice.KINDS["numpy"]
-    monkeypatch.setattr(choice, "_are_compiled", lambda folders: True)
+    monkeypatch.setattr(choice, "_are_compiled", lambda *_: True)
     assert choice.choose_engine("auto", 10_000, 100).name == "numba"
     assert choice.choose_engine("auto", 10_000, 100, meanwhile=True).name == "numba"
     monkeypatch.setitem(sys.modules, numba_engine.__name__, numba_engine)
     assert choice.choose_engine("auto", 100, 100).name == "numba"  # what is loaded costs nothing more
-    monkeypatch.setattr(choice, "_are_compiled", lambda folders: False)
+    monkeypatch.setattr(choice, "_are_compiled", lambda *_: False)
     assert choice.choose_engine("auto", 10_000, 100).name == "numpy"
     monkeypatch.setattr(choice, "find_spec", lambda package: None)
     assert choice.choose_engine("auto", 10**6, 100).name == "numpy"
