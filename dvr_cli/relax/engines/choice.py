@@ -28,7 +28,7 @@ _KERNELS = {
         "mesh.rings_numba.rings",
         "quality.badness_numba.worst_corner_{kind}",
         "quality.mean_ratio_numba.corner_terms_{kind}",
-        "quality.stretching_numba.candidates_{kind}",
+        "quality.stretching_numba._allowed_by_quality",
         "relax.enough_numba.relax_rings_{kind}",
         "relax.polish_numba.polish_rings_{kind}",
         "relax.newton_numba.newton_directions_{kind}",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, inlined
 
 
 @compiled
@@ -59,9 +59,10 @@ def choose(
             corner_done = corner_end
         if not free:
             continue
-        freed[freed_start[n] : vertex_end].sort()
-        corners[corner_start[n] : corner_end].sort()
-        claimed[corners[corner_start[n] : corner_end]] = True
+        _sort(freed, freed_start[n], vertex_end)
+        _sort(corners, corner_start[n], corner_end)
+        for i in range(corner_start[n], corner_end):
+            claimed[corners[i]] = True
         taken[n] = seed
         n += 1
         freed_start[n], corner_start[n] = vertex_end, corner_end
@@ -72,3 +73,17 @@ def choose(
         corner_start[: n + 1],
         corners[: corner_start[n]],
     )
+
+
+@inlined
+def _sort(values: np.ndarray, lo: int, hi: int) -> None:
+    """Sort a part of an array by ever smaller steps; NumPy's way takes the compiler ten times as long."""
+    step = (hi - lo) // 2
+    while step > 0:
+        for i in range(lo + step, hi):
+            value, j = values[i], i
+            while j >= lo + step and values[j - step] > value:
+                values[j] = values[j - step]
+                j -= step
+            values[j] = value
+        step = 1 if step == 2 else step * 5 // 11

@@ -309,10 +309,8 @@ def _badnesses(points: np.ndarray, patch: Patch, bad: np.ndarray) -> float:
     largest = 0.0
     if MEASURED:
         for c in range(len(vertices)):
-            if PLANAR:
-                v = determinant_2d(points, vertices[c])
-            else:
-                v = determinant_3d(points, vertices[c])
+            corner = vertices[c]
+            v = determinant_2d(points, corner) if PLANAR else determinant_3d(points, corner)
             s = metric_norm(points, vertices[c], norm, patch.factor, shapes[c])
             bad[c] = badness(v, s, points.shape[1])
             largest = max(largest, bad[c])
