@@ -27,6 +27,7 @@ LAYERS = [
     "quality",
     "mesh",
     "jit",
+    "quick_typing",
     "kept",
     "backend",
     "options",

@@ -60,7 +60,7 @@ def set_place(points: np.ndarray, vertex: int, n: int, scratch: np.ndarray) -> N
     The others have not moved, and no edges are seen through L.
     """
     x0, x1 = points[vertex, 0], points[vertex, 1]
-    if points.shape[1] == 2:
+    if PLANAR:
         for c in range(padded(n)):
             e0, e1 = scratch[END, c] - x0, scratch[END + 1, c] - x1
             f0, f1 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1

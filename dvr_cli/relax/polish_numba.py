@@ -61,7 +61,7 @@ def polish_rings(
             continue
         x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2] if d == 3 else 0.0
         _put(points, vertex, x0 + step * d0, x1 + step * d1, x2 + step * d2)
-        if len(rings.factor):
+        if MEASURED:
             set_ring(points, vertex, 0.0, 0.0, 0.0, ring, rings, scratch)
         else:
             set_place(points, vertex, n, scratch)

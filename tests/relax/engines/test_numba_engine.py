@@ -302,7 +302,8 @@ from dvr_cli.quality.mean_ratio_numba import corner_terms
 points, v, s = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.empty(1), np.empty(1)
 corner, shape = np.array([[0, 1, 2]], dtype=np.int32), np.zeros((1, 3), dtype=np.uint8)
 corner_terms(points, corner, shape, np.ones((1, 3)), v, s)
-print(v[0], corner_terms.stats.cache_hits[corner_terms.signatures[0]])
+kernel = corner_terms.of(True, False)
+print(v[0], kernel.stats.cache_hits[kernel.signatures[0]])
 """
     environment = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
 
