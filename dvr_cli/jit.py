@@ -167,7 +167,7 @@ _parts: dict[tuple[Any, tuple[bool, bool]], Any] = {}  # those of a kind, by the
 
 
 def _of_kind(value: Any, kind: tuple[bool, bool]) -> Any:
-    """What a name stands for in functions for meshes of a kind: parts are others for each."""
+    """The thing that a name stands for in functions for meshes of a kind: parts are others for each."""
     if isinstance(value, _ByKind):
         return value.of(*kind)
     plain = isinstance(value, FunctionType) and value in _PLAIN

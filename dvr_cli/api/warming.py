@@ -29,16 +29,19 @@ _NICE = 10  # the priority of a process that compiles for another
 _GARBAGE = 100_000  # objects after which it looks for garbage: it lives shortly, and makes many that stay
 _BOXES = 3  # along each edge of the cube
 _TETRAHEDRA = ((0, 1, 3, 7), (0, 3, 2, 7), (0, 2, 6, 7), (0, 6, 4, 7), (0, 4, 5, 7), (0, 5, 1, 7))
-
+_CURVED: dict[str, Any] = {"boundary": "project", "feature_angle": 90.0}
 
 # A small mesh and options for each sort of meshes whose kernels differ, by what they are for.
 SORTS: dict[str, Callable[[], tuple[Mesh, dict[str, Any]]]] = {
     "tetrahedra": lambda: (_cube("tetra"), {"order": "natural"}),
-    "metrics": lambda: (_cube("tetra"), {"metric": np.tile(np.diag([1.0, 1.0, 4.0]), (_corners(), 1, 1))}),
+    "metrics": lambda: (_cube("tetra"), {"metric": _metric(3)}),
     "stretched cells": lambda: (_stretched(_cube("tetra")), {}),
     "planar meshes": lambda: (_square(), {}),
+    "metrics in a plane": lambda: (_square(), {"metric": _metric(2)}),
+    "stretched cells in a plane": lambda: (_stretched(_square()), {}),
+    "curved boundaries in a plane": lambda: (_ball(_square()), _CURVED),
     "cells of other types": lambda: (_cube("hexahedron"), {}),
-    "curved boundaries": lambda: (_ball(_cube("tetra")), {"boundary": "project", "feature_angle": 90.0}),
+    "curved boundaries": lambda: (_ball(_cube("tetra")), _CURVED),
 }
 _OPTIONS = SmoothOptions(threads=1, stopping=Stopping(max_iterations=2))
 
@@ -128,8 +131,9 @@ def _folder() -> str:
     return str(folder)
 
 
-def _corners() -> int:
-    return (_BOXES + 1) ** 3
+def _metric(dimension: int) -> np.ndarray:
+    """(N, d, d): one that sees lengths along the last axis doubled, at the corners of all boxes."""
+    return np.tile(np.diag([1.0] * (dimension - 1) + [4.0]), ((_BOXES + 1) ** dimension, 1, 1))
 
 
 def _cube(kind: str) -> Mesh:
@@ -147,25 +151,27 @@ def _cube(kind: str) -> Mesh:
 
 
 def _square() -> Mesh:
-    """The bottom of the cube, in triangles, its inner vertices a little astray."""
+    """The bottom of the cube, around 0, in triangles, its inner vertices a little astray."""
     side = range(_BOXES + 1)
     places = np.array(list(product(side, side)), dtype=np.float64)
     inner = ((places > 0) & (places < _BOXES)).all(axis=1)
     places[inner] += 0.3 * np.sin(np.arange(2.0 * inner.sum())).reshape(-1, 2)
     at = np.array([4 * x + y for x, y in product(range(_BOXES), repeat=2)])[:, None]
     return Mesh(
-        places,
+        places - _BOXES / 2,
         [Cells("triangle", np.concatenate([at + np.array(three) for three in ((0, 4, 5), (0, 5, 1))]))],
     )
 
 
 def _stretched(cube: Mesh) -> Mesh:
-    """The cube flattened, so that its cells are as those of layers."""
-    return Mesh(cube.points * [1.0, 1.0, 0.02], cube.cells)
+    """The cube or square flattened, so that its cells are as those of layers."""
+    flat = cube.points.copy()
+    flat[:, -1] *= 0.02
+    return Mesh(flat, cube.cells)
 
 
 def _ball(cube: Mesh) -> Mesh:
-    """The cube blown up to a ball."""
+    """The cube or square blown up to a ball or disk."""
     distance = np.abs(cube.points).max(axis=1)
     radius = np.linalg.norm(cube.points, axis=1)
     return Mesh(cube.points * (distance / radius)[:, None], cube.cells)

@@ -8,12 +8,17 @@ import dvr_cli
 from dvr_cli.relax.engines import choice
 from needs import require
 
+# whether kernels are for meshes in a metric, where they are not only for those in none
+MEASURED = {"metric_norms": (True,)} | dict.fromkeys(
+    ("relax_rings", "polish_rings", "mean_directions", "worst_corner", "solve_patch"), (False, True)
+)
+
 
 def kernels():
     """All functions of the package that are compiled for Python to call them."""
     from numba.core.dispatcher import Dispatcher
 
-    from dvr_cli.jit import _Part
+    from dvr_cli.jit import _ByKind, _Part
 
     package = Path(dvr_cli.__file__).parent
     for path in sorted(package.rglob("*_numba.py")):
@@ -21,6 +26,9 @@ def kernels():
         for value in vars(module).values():
             if isinstance(value, Dispatcher) and not isinstance(value, _Part):
                 yield value
+            if isinstance(value, _ByKind):
+                for measured in MEASURED.get(value.__name__, (False,)):
+                    yield from (value.of(planar, measured) for planar in (False, True))
 
 
 def kept(kernel):
@@ -51,7 +59,7 @@ def test_without_the_compiler_it_says_what_is_missing(dvr, monkeypatch):
 def test_it_says_if_nothing_can_be_kept(dvr, monkeypatch):
     require("numba")
     without_cache = SimpleNamespace(stats=SimpleNamespace(cache_path=None))
-    monkeypatch.setattr("dvr_cli.relax.enough_numba.relax_rings", without_cache)
+    monkeypatch.setattr("dvr_cli.mesh.rings_numba.rings", without_cache)
     done = dvr("warm-up")
     assert (done.code, done.out) == (2, "")
     assert "NUMBA_CACHE_DIR" in done.err

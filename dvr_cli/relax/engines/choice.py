@@ -20,7 +20,7 @@ from dvr_cli.relax.problem import Problem
 _REPAYS = 100_000
 _REPAYS_COMPILING = 1_000_000  # the same where the kernels have to be compiled first
 _USUAL_SWEEPS = 20
-_PATCHES = 650  # sweeps of NumPy that patches cost as much as
+_PATCHES = 1000  # sweeps of NumPy that patches cost as much as
 # Kernels that runs compile, by folder of ``relax``, some of which set the run up; there is one of each name
 # for each kind of mesh, "2d" or "3d".
 _KERNELS = {

@@ -66,9 +66,12 @@ def is_under_way() -> bool:
 
 def sort_of(problem: Problem) -> str:
     """The sort of meshes that a problem's kernels are compiled by, one of ``warming.SORTS``."""
+    place = " in a plane" if problem.components == 2 else ""
     if problem.carriers is not None:
-        return "curved boundaries"
-    if problem.dimension == 2:
+        return "curved boundaries" + place
+    if len(problem.touched.table.factor):
+        return "metrics" + place
+    if place:
         return "planar meshes"
     return "cells of other types" if problem.touched.shapes.any() else "tetrahedra"
 
