@@ -12,8 +12,9 @@ WARM_UP_EXAMPLES = (example("dvr warm-up", "once, where a container's image is m
 def warm_up() -> int:
     """Compile all that the compiled engine needs, and keep it for later runs.
 
-    The first run of each kind of mesh does its part of this otherwise. It takes some minutes, and seconds where
-    it has been done. Only what vertices on curved boundaries need in a metric is left to the runs that have some.
+    The first run of each kind of mesh does its part of this otherwise. It takes some minutes, and seconds
+    where it has been done. Only what vertices on curved boundaries need in a metric is left to the runs that
+    have some.
     """
     from time import perf_counter
 
