@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import MEASURED, PLANAR, compiled_by_kind, inlined
 from dvr_cli.relax.columns_numba import (
     BADNESS,
     CURVATURE,
@@ -30,7 +30,7 @@ _Plane = tuple[float, float, float]  # two numbers in a plane: g, or H by ``newt
 _Six = tuple[float, float, float, float, float, float]
 
 
-@compiled
+@compiled_by_kind
 def newton_directions(
     points: np.ndarray,
     directions: np.ndarray,
@@ -56,7 +56,7 @@ def newton_directions(
         if scratch[BADNESS, worst_corner(scratch, n, 0.0, d)] == np.inf:
             continue
         _set_powers(scratch, n, d, 0.0)
-        if d == 2:
+        if PLANAR:
             _point_2d(points, ring, n, rings, freedom, aim, scratch, directions)
         else:
             _point_3d(points, ring, n, rings, freedom, aim, scratch, directions)
@@ -74,7 +74,7 @@ def _point_2d(
     directions: np.ndarray,
 ) -> None:
     """Set the row of a ring in the plane."""
-    metric, vertex = len(rings.factor) > 0, rings.vertices[ring]
+    vertex = rings.vertices[ring]
     q = 2.0 / 2
     x0, x1 = points[vertex, 0], points[vertex, 1]
     g0 = g1 = a = b = c = 0.0
@@ -85,7 +85,7 @@ def _point_2d(
         p1 = p1 + scratch[SLOPE + 1, k] * (scratch[END + 4, k] - x1)
         m = 2.0 * scratch[CURVATURE, k]
         m00, m01, m11 = m * 1.0, m * 0.0, m * 1.0
-        if metric:
+        if MEASURED:
             scratch[GRADIENT, k], scratch[GRADIENT + 1, k] = p0, p1
             to_metric(scratch, GRADIENT, k, k, 2)
             p0, p1 = scratch[GRADIENT, k], scratch[GRADIENT + 1, k]
@@ -136,7 +136,7 @@ def _point_3d(
     directions: np.ndarray,
 ) -> None:
     """Set the row of a ring in space."""
-    metric, vertex = len(rings.factor) > 0, rings.vertices[ring]
+    vertex = rings.vertices[ring]
     q = 2.0 / 3
     x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2]
     g0 = g1 = g2 = h00 = h01 = h02 = h11 = h12 = h22 = 0.0
@@ -149,7 +149,7 @@ def _point_3d(
         p2 = p2 + k1 * (scratch[END + 5, k] - x2) + k2 * (scratch[END + 8, k] - x2)
         m = 2.0 * scratch[CURVATURE, k]
         m00, m01, m02, m11, m12, m22 = m * 1.0, m * 0.0, m * 0.0, m * 1.0, m * 0.0, m * 1.0
-        if metric:
+        if MEASURED:
             scratch[GRADIENT, k], scratch[GRADIENT + 1, k], scratch[GRADIENT + 2, k] = p0, p1, p2
             to_metric(scratch, GRADIENT, k, k, 3)
             p0, p1, p2 = scratch[GRADIENT, k], scratch[GRADIENT + 1, k], scratch[GRADIENT + 2, k]
