@@ -35,8 +35,8 @@ _KERNELS = {
     ),
     "patches": ("relax.patches.neighbourhoods_numba.choose", "relax.patches.solver_numba.solve_patch_{kind}"),
     "surface": (
-        "relax.surface.walk_numba.walk_directions_{kind}",
-        "relax.surface.walk_numba.walk_rings_{kind}",
+        "relax.surface.walk.walk_directions_{kind}",
+        "relax.surface.walk.walk_rings_{kind}",
     ),
 }
 _REPAYS_STARTING = 300_000  # the same where another process compiles them meanwhile

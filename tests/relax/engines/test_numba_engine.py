@@ -382,10 +382,12 @@ def test_kernels_are_known_to_be_compiled_where_results_are_newer_than_all_sourc
 def test_all_kernels_that_are_looked_for_are_there():
     for kernel in itertools.chain(*choice._KERNELS.values()):
         module, _, name = kernel.format(kind="2d").rpartition(".")
-        found = getattr(import_module(f"dvr_cli.{module}"), name.removesuffix("_2d"))
+        compiled = module if module.endswith("_numba") else f"{module}_numba"  # over the module named
+        found = getattr(import_module(f"dvr_cli.{compiled}"), name.removesuffix("_2d"))
         function = found.of(True, False) if name.endswith("_2d") else found
         assert function.stats.cache_path, kernel
         assert function.py_func.__qualname__ == name
+        assert Path(function.py_func.__code__.co_filename).stem == module.rpartition(".")[2]
 
 
 def test_auto_takes_numba_where_it_pays(monkeypatch):
