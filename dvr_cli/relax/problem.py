@@ -197,14 +197,17 @@ def touched_corners(
 
 
 def _in_order_of_use(touched: Simplices, rings: Rings) -> tuple[Simplices, Rings]:
-    """The same with a table of those rows alone that they name, in the order in which a sweep reads them.
+    """The same with a table of those rows alone that they name, those that are used together near each other.
 
-    Of many rows those that are used together then lie together in memory. Few are left as they are.
+    Rows that several rings name come first, in the order of the corners, then those of one ring, in the order
+    in which a sweep reads them. Few are left as they are.
     """
     table = touched.table
     if len(table.norm) <= _FEW_ROWS:
         return touched, rings
-    named = np.concatenate([rings.shapes, touched.shapes.ravel()])
+    of_corners = touched.shapes.ravel()
+    shared = np.bincount(rings.shapes, minlength=len(table.norm)) > 1
+    named = np.concatenate([of_corners[shared[of_corners]], rings.shapes, of_corners])
     place = np.arange(len(named))
     first = np.empty(len(table.norm), dtype=np.int64)
     first[named[::-1]] = place[::-1]  # the first place of each is the last to be put
