@@ -20,18 +20,19 @@ from ranged_files import FILES, gmsh_22, write_ranged
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 # name of a mesh, and options
 RUNS = (
-    ("positive", "-d random,steepest -n 3"),
     ("positive", "-d axis,optimal,narrowing -n 6 --shape ideal --keep-height --seed 7"),
+    ("positive", "-d random,steepest -n 3"),
     ("22.msh", "-d random -n 60 --tol 1e-3"),  # converged, with what limits it
     ("positive", "-d random -n 9 --target 0.3"),
     ("inside-out", "-d random -n 2 --tol 0"),
     ("older", "-d random -n 2 --tol 0"),
+    ("41.msh", "-d random,steepest -n 2 --tol 0"),
     ("orphans", "-d random -n 2 --tol 0"),
     ("hull", "-d random -n 30"),  # the worst is on the boundary
-    ("positive", "-d random -n 2 --no-report"),
-    ("41.msh", "-d random,steepest -n 2 --tol 0"),
     ("raw.vtu", "-d random -n 2 --tol 0"),
-    ("positive", "--no-patches -n 6"),  # descent, sweeps with a level of care, polishing
+    ("positive", "-d random -n 2 --no-report"),
+    ("positive", "--no-patches -n 6"),
+    ("positive", "--no-patches -n 2"),  # descent, sweeps with a level of care, polishing
     ("41.msh", "--no-patches -n 4 --target 0.5"),
     ("positive", "-d random -n 2 --polish --floor 0.9"),
 )
@@ -63,29 +64,28 @@ def write(folder, name):
 commands_of = partial(commands_for, write=write)
 
 
-@pytest.fixture(scope="module")
-def serial(tmp_path_factory):
-    """The folder of the outputs of all runs in one process."""
-    folder = tmp_path_factory.mktemp("serial")
-    assert set(in_one_process(folder, commands_of(folder, RUNS))) == {0}
-    return folder
-
-
-@pytest.mark.parametrize("ranks", [3, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 2, 4, 8))])
-def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, serial, ranks):
-    done, ends = job(on_ranks, ranks, tmp_path, commands_of(serial, RUNS, "--mpi"), "in shares")
+@pytest.mark.parametrize(
+    ("ranks", "every"), [(3, 3), *(pytest.param(n, 1, marks=pytest.mark.long) for n in (1, 2, 3, 4, 8))]
+)
+def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, ranks, every):
+    """In the usual run of the tests one run in so many."""
+    runs, reasons = RUNS[::every], set()
+    alone, together = tmp_path / "alone", tmp_path / "together"
+    alone.mkdir()
+    together.mkdir()
+    assert set(in_one_process(alone, commands_of(alone, runs))) == {0}
+    done, ends = job(on_ranks, ranks, together, commands_of(alone, runs, "--mpi"), "in shares")
     assert (done.returncode, done.stderr) == (0, "")
     assert set(ends) == {0}
-    for i, run in enumerate(RUNS):
-        (here,), (there,) = (list(where.glob(f"{i}.[mv]*")) for where in (tmp_path, serial))
+    for i, run in enumerate(runs):
+        (here,), (there,) = (list(folder.glob(f"{i}.[mv]*")) for folder in (together, alone))
         assert here.read_bytes() == there.read_bytes(), run
         if "--no-report" not in run[1]:
-            reports = [(where / f"{i}.quality.json").read_bytes() for where in (tmp_path, serial)]
+            reports = [(folder / f"{i}.quality.json").read_bytes() for folder in (together, alone)]
             assert without_times(reports[0]) == without_times(reports[1]), run
-    assert {json.loads((serial / f"{i}.quality.json").read_text())["stopped_because"] for i in (2, 3)} == {
-        "converged",
-        "target",
-    }
+            reasons.add(json.loads(reports[1])["stopped_because"])
+    assert {"max-iterations", "target"} <= reasons
+    assert "converged" in reasons or every > 1
 
 
 def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
