@@ -6,8 +6,8 @@ import numpy as np
 
 from dvr_cli.boundary.manifold import Manifold
 
-_FIRST, _CHUNK = 64, 4096  # facets measured at a time, at first and at most
-_GRID = 5  # intervals an edge is cut into
+_FIRST, _CHUNK = 16, 4096  # facets measured at a time, at first and at most
+_FINE, _GRID = 20, 5  # intervals an edge is cut into, of the first facets and of others
 
 
 def deviation(
@@ -30,10 +30,9 @@ def deviation(
     changed = np.flatnonzero(moved[facets].any(axis=1) & (bound > 0.0))
     changed = changed[np.argsort(-bound[changed], kind="stable")]
     old, new = Manifold(before, facets, patch), Manifold(after, facets, patch)
-    weights = _grid(facets.shape[1])
     largest, lo, size = 0.0, 0, _FIRST  # the first, which have the largest bounds, often spare the others
     while lo < len(changed):
-        chunk = changed[lo : lo + size]
+        chunk, weights = changed[lo : lo + size], _grid(facets.shape[1], _GRID if lo else _FINE)
         lo, size = lo + size, min(2 * size, _CHUNK)
         chunk = chunk[bound[chunk] > largest]
         if not len(chunk):
@@ -46,11 +45,11 @@ def deviation(
     return largest
 
 
-def _grid(k: int) -> np.ndarray:
-    """(S, k) barycentric coordinates of points spread evenly over a segment or triangle."""
-    steps = np.arange(_GRID + 1)
+def _grid(k: int, n: int) -> np.ndarray:
+    """(S, k) barycentric coordinates of points spread over a segment or triangle, n + 1 along an edge."""
+    steps = np.arange(n + 1)
     if k == 2:
-        return np.stack([steps, _GRID - steps], axis=1) / _GRID
+        return np.stack([steps, n - steps], axis=1) / n
     i, j = np.meshgrid(steps, steps, indexing="ij")
-    inside = i + j <= _GRID
-    return np.stack([i[inside], j[inside], _GRID - (i + j)[inside]], axis=1) / _GRID
+    inside = i + j <= n
+    return np.stack([i[inside], j[inside], n - (i + j)[inside]], axis=1) / n
