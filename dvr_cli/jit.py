@@ -27,7 +27,6 @@ from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic
 
 from dvr_cli.kept import last_change
-from dvr_cli.quick_typing import remember_choices
 
 
 def _load_without_blas() -> None:
@@ -71,7 +70,6 @@ MEASURED: Any = _Unsettled()
 def compiled(function: _Function, **options: Any) -> _Function:
     """``function`` compiled when first called; it may be a plain loop over arrays."""
     options |= _OPTIONS
-    remember_choices()
     try:
         made = njit(cache=True, **options)(function)
     except RuntimeError:  # no directory to keep the result in: compile it anew in every process

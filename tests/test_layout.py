@@ -27,7 +27,6 @@ LAYERS = [
     "quality",
     "mesh",
     "jit",
-    "quick_typing",
     "kept",
     "backend",
     "options",
