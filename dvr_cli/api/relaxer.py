@@ -112,7 +112,9 @@ class Relaxer:
 
     def _prepare(self, mesh: Mesh, options: SmoothOptions) -> None:
         mesh = replace(mesh, points=mesh.points.copy())  # a copy: the caller may change its own
-        self.engine_kind = choose_engine(options.engine, len(mesh.points), options.stopping.max_iterations)
+        work = len(mesh.points), options.stopping.max_iterations
+        of_mesh = {"planar": mesh.is_planar, "measured": options.metric is not None}
+        self.engine_kind = choose_engine(options.engine, *work, **of_mesh)
         self.threads = self.engine_kind.threads(options.threads)
         self._options = options
         self._point_data = mesh.point_data

@@ -100,8 +100,8 @@ def _smoothed(
     """See ``smooth_mesh``; unfolds: whether what lies folded is unfolded first, None if that does no good."""
     vertices, sweeps = len(mesh.points), options.stopping.max_iterations
     choose = partial(choose_engine, options.engine, vertices, sweeps, options.takes_patches)
-    planar = mesh.points.shape[1] == 2 or not np.ptp(mesh.points[:, 2])
-    kind = choose(meanwhile=engines.meanwhile, planar=planar)
+    of_mesh = {"planar": mesh.is_planar, "measured": options.metric is not None}
+    kind = choose(meanwhile=engines.meanwhile, **of_mesh)
     whole = options.domain(mesh, kind.backend)
     shapes = shaped(whole, options.shape, options.tensors(mesh))
     domain = shapes.domain
@@ -112,7 +112,7 @@ def _smoothed(
     moves = moves_of(mesh, domain, options.boundary, selected, options.feature_angle, how_far)
     relaxed = moves.relaxed
     if moves.parts is not None:
-        kind = choose(walking=len(moves.parts.walking), meanwhile=engines.meanwhile, planar=planar)
+        kind = choose(walking=len(moves.parts.walking), meanwhile=engines.meanwhile, **of_mesh)
     # on a surface vertices have little room: measured, lowering the price first and narrowing directions then
     # go farthest
     on_surface = domain.is_surface and options.is_free and options.takes_polish

@@ -56,6 +56,11 @@ class Mesh:
     periodic: np.ndarray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
 
     @property
+    def is_planar(self) -> bool:
+        """True if all points have the same third coordinate, or none."""
+        return self.points.shape[1] == 2 or not np.ptp(self.points[:, 2])
+
+    @property
     def unlinked(self) -> np.ndarray:
         """(N,) bool: the vertices that no periodic link ties to another; only these may move on their own."""
         free = np.ones(len(self.points), dtype=bool)

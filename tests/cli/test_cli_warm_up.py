@@ -4,6 +4,8 @@ from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
+import pytest
+
 import dvr_cli
 from dvr_cli.relax.engines import choice
 from needs import require
@@ -37,6 +39,7 @@ def kept(kernel):
     return list(Path(kernel.stats.cache_path).glob(f"{module}.{kernel.__name__}-*.nbi"))
 
 
+@pytest.mark.long
 def test_it_compiles_every_kernel_and_says_where_they_are_kept(dvr):
     require("numba")
     done = dvr("warm-up")

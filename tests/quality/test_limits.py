@@ -199,7 +199,7 @@ def test_quadrilaterals_count_by_their_corner():
 
 
 def test_nothing_is_said_before_q1_has_stopped_growing():
-    found, report = limit(wheel(8), stopping=Stopping(max_iterations=1))
+    found, report = limit(wheel(8), directions="random", stopping=Stopping(max_iterations=1))
     assert report.stopped_because == "max-iterations"
     assert found is None
     assert limit(wheel(8), stopping=Stopping(target=0.1))[0] is None

@@ -80,32 +80,19 @@ def test_quality_in_the_metric_never_decreases(kind, seed, whole, shift):
             assert after[0] >= before[0]
 
 
-drawn = given(
+@pytest.mark.long  # to compile all kernels for metrics takes as long as many tests
+@settings(max_examples=60, deadline=None)
+@example("tetra", 1, 0.3, False, 1)
+@example("hexahedron", 2, 0.3, False, 3)
+@example("triangle", 1, 0.3, False, 1)
+@given(
     st.sampled_from(KINDS),
     st.integers(0, 10**6),
     st.floats(0, 0.9),
     st.booleans(),
     st.sampled_from([1, 3]),
 )
-
-
-@settings(max_examples=6, deadline=None)
-@example("tetra", 1, 0.3, False, 1)
-@example("hexahedron", 2, 0.3, False, 3)
-@example("triangle", 1, 0.3, False, 1)
-@drawn
 def test_same_bytes_on_both_engines(kind, seed, noise, whole, threads):
-    same_bytes(kind, seed, noise, whole, threads)
-
-
-@pytest.mark.long
-@settings(max_examples=60, deadline=None)
-@drawn
-def test_same_bytes_on_both_engines_in_large_numbers(kind, seed, noise, whole, threads):
-    same_bytes(kind, seed, noise, whole, threads)
-
-
-def same_bytes(kind, seed, noise, whole, threads):
     require("numba")
     domain = in_metric(random_mesh(kind, seed, n=3, noise=noise), seed)
     freedom = None if whole else random_freedom(domain, seed)

@@ -22,21 +22,24 @@ _REPAYS_COMPILING = 1_000_000  # the same where the kernels have to be compiled 
 _USUAL_SWEEPS = 20
 _PATCHES = 1000  # sweeps of NumPy that patches cost as much as
 # Kernels that runs compile, by folder of ``relax``, some of which set the run up; there is one of each name
-# for each kind of mesh, "2d" or "3d".
+# for each kind of mesh, "2d" or "3d", of some another one in a metric.
 _KERNELS = {
     ".": (
         "mesh.rings_numba.rings",
-        "quality.badness_numba.worst_corner_{kind}",
+        "quality.badness_numba.worst_corner_{kind}{metric}",
         "quality.mean_ratio_numba.corner_terms_{kind}",
         "quality.stretching_numba._allowed_by_quality",
-        "relax.enough_numba.relax_rings_{kind}",
-        "relax.polish_numba.polish_rings_{kind}",
-        "relax.newton_numba.newton_directions_{kind}",
+        "relax.enough_numba.relax_rings_{kind}{metric}",
+        "relax.polish_numba.polish_rings_{kind}{metric}",
+        "relax.newton_numba.newton_directions_{kind}{metric}",
     ),
-    "patches": ("relax.patches.neighbourhoods_numba.choose", "relax.patches.solver_numba.solve_patch_{kind}"),
+    "patches": (
+        "relax.patches.neighbourhoods_numba.choose",
+        "relax.patches.solver_numba.solve_patch_{kind}{metric}",
+    ),
     "surface": (
-        "relax.surface.walk.walk_directions_{kind}",
-        "relax.surface.walk.walk_rings_{kind}",
+        "relax.surface.walk.walk_directions_{kind}{metric}",
+        "relax.surface.walk.walk_rings_{kind}{metric}",
     ),
 }
 _REPAYS_STARTING = 300_000  # the same where another process compiles them meanwhile
@@ -110,12 +113,11 @@ def is_compiling() -> bool:
     return is_under_way()
 
 
-def _are_compiled(folders: Sequence[str], planar: bool) -> bool:
+def _are_compiled(folders: Sequence[str], planar: bool, measured: bool) -> bool:
     """False if it is certain that kernels in these folders of ``relax`` have to be compiled first."""
-    kernels = [
-        kernel.format(kind="2d" if planar else "3d") for folder in folders for kernel in _KERNELS[folder]
-    ]
-    return all(map(may_be_kept, kernels))
+    kind, metric = "2d" if planar else "3d", "_metric" * measured
+    kernels = [kernel for folder in folders for kernel in _KERNELS[folder]]
+    return all(may_be_kept(kernel.format(kind=kind, metric=metric)) for kernel in kernels)
 
 
 def choose_engine(
@@ -126,13 +128,14 @@ def choose_engine(
     walking: int = 0,
     meanwhile: bool = False,
     planar: bool = False,
+    measured: bool = False,
 ) -> EngineKind:
     """The engine called ``name``, "auto" being the fastest for the work ahead.
 
     vertices: how many the mesh has. patches: whether patches are to be relaxed as well. walking: how many of
     the vertices walk on curved boundaries or surfaces. meanwhile: whether a process of its own may compile
-    what is missing, while NumPy begins. planar: whether the mesh lies in a plane. Raises UsageError for an
-    engine that is unknown or not installed.
+    what is missing, while NumPy begins. planar: whether the mesh lies in a plane; measured: whether shapes
+    are in a metric. Raises UsageError for an engine that is unknown or not installed.
     """
     if name not in ("auto", *KINDS):
         raise UsageError(f"engine: unknown {name!r}; known: {', '.join(('auto', *KINDS))}")
@@ -141,7 +144,7 @@ def choose_engine(
         work = vertices * (sweeps + (_PATCHES if patches else 0)) + walking * sweeps * _WALK
         folders = ["."] + ["patches"] * patches + ["surface"] * (walking > 0)
         fastest, repays = KINDS["numba"], _REPAYS
-        if not _are_compiled(folders, planar):
+        if not _are_compiled(folders, planar, measured):
             fastest, repays = (_HANDOVER, _REPAYS_STARTING) if meanwhile else (fastest, _REPAYS_COMPILING)
         elif fastest.is_loaded:
             repays = 0
