@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -13,6 +14,9 @@ from dvr_cli.errors import UsageError
 LEAD = 0  # the rank that reads, decides and writes
 JOIN, CALL, END = "join", "call", "end"  # what a rank is asked to do beside the tasks of a member
 _STARTED = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE")  # where MPIs say how many processes they have started
+_PASSED_ON = (
+    0.5  # seconds in which mpiexec passes on what a rank has said: from the end of a job on it may not
+)
 FAILED, _INTERRUPTED = 1, 130  # exit codes of a job that ends in the middle of a task
 
 
@@ -42,13 +46,14 @@ def ending_the_job(comm: Any) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        print("dvr: interrupted", file=sys.stderr, flush=True)
-        comm.Abort(_INTERRUPTED)
+        _end(comm, "dvr: interrupted", _INTERRUPTED)
     except BaseException as error:
         cause = f"{type(error).__name__}: {error}".replace("\n", " ")
-        print(
-            f"dvr: internal error on rank {comm.rank}: {cause} (please report it)",
-            file=sys.stderr,
-            flush=True,
-        )
-        comm.Abort(FAILED)
+        _end(comm, f"dvr: internal error on rank {comm.rank}: {cause} (please report it)", FAILED)
+
+
+def _end(comm: Any, words: str, code: int) -> None:
+    """End the job with this exit code, after a rank's last words."""
+    print(words, file=sys.stderr, flush=True)
+    time.sleep(_PASSED_ON)
+    comm.Abort(code)
