@@ -104,23 +104,23 @@ def relax(
     return Relaxation(engine.points, sweeps, reason)
 
 
-def _mean(engine: Engine, qualities: np.ndarray) -> float:
-    return engine.mean(qualities)
-
-
 class Work(NamedTuple):
     """The work of a phase of polishing.
 
     phase: its name in the sweeps. below: only rings with a worse quality are visited. measure: what of an
-    engine's qualities of corners has to grow, by default their mean. foresees: whether the phase ends already
+    engine's qualities of corners has to grow, None for their mean. foresees: whether the phase ends already
     where the next sweep would let it grow too little, if its growth fell by as much again as it did in the
     last.
     """
 
     phase: str = "polish"
     below: float = np.inf
-    measure: Callable[[Engine, np.ndarray], float] = _mean
+    measure: Callable[[Engine, np.ndarray], float] | None = None
     foresees: bool = False
+
+    def reached(self, engine: Engine, qualities: np.ndarray, mean: float) -> float:
+        """The measure of the qualities (C,) reached, whose mean is known."""
+        return mean if self.measure is None else self.measure(engine, qualities)
 
 
 _POLISHING = Work()
@@ -145,10 +145,10 @@ def polish(
     ``relax``. aim: the price, and whether the floor is one for all, or what says that in each sweep for the
     qualities (C,) reached.
     """
-    limit, measure = badness_of(floor, engine.problem.dimension), work.measure
+    limit = badness_of(floor, engine.problem.dimension)
     start = time.perf_counter()
     qualities = engine.qualities()
-    reached, growth = measure(engine, qualities), 0.0
+    reached, growth = work.reached(engine, qualities, engine.mean(qualities)), 0.0
     sweeps: list[Sweep] = []
     while len(sweeps) < stopping.max_iterations:
         sweep_start = time.perf_counter()
@@ -161,7 +161,8 @@ def polish(
             if (cut := cut_short(start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
         qualities, before = engine.qualities(), reached
-        reached, mean = measure(engine, qualities), engine.mean(qualities)
+        mean = engine.mean(qualities)
+        reached = work.reached(engine, qualities, mean)
         seconds = time.perf_counter() - sweep_start
         below = engine.share(qualities < floor) if now.by_ring else None
         number, q1 = done + len(sweeps) + 1, engine.lowest(qualities)
