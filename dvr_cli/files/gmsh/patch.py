@@ -24,11 +24,11 @@ def patch_nodes(
 ) -> tuple[bytes, int]:
     """The bytes of the section of nodes, markers included, with new coordinates.
 
-    values: (N, 5) coordinates and parameters; changed: (N, 5) bool, which of them to write. Parameters may be
-    given in MSH 4 only.
+    values: (N, 3) coordinates, or (N, 5) with parameters, which may be given in MSH 4 only; changed: bool of
+    that shape, which of them to write.
     Also returns how many nodes have lost their parametric coordinates.
     """
-    moved = np.concatenate([[0], np.cumsum(changed[:, :3].any(axis=1) & ~changed[:, 3])])
+    moved = np.concatenate([[0], np.cumsum(changed[:, :3].any(axis=1) & ~changed[:, 3:].any(axis=1))])
     ends = np.cumsum(blocks.size)
     stale = (blocks.parametric == 1) & (moved[ends] > moved[ends - blocks.size])
     opening, closing = data[section.opening : section.start], data[section.stop : section.end]
@@ -90,11 +90,9 @@ def _patch_binary(
         begin, end = end, end + size
         mask = changed[begin:end]
         if mask.any():
-            width = (
-                int(np.flatnonzero(mask.any(axis=0))[-1]) + 1
-            )  # numbers of a node up to the last that changed
-            stored = np.ndarray((size, width), byte_order + "f8", buffer, first, (stride, 8))
-            stored[mask[:, :width]] = values[begin:end, :width][mask[:, :width]]
+            mask = mask[:, : 1 + int(np.flatnonzero(mask.any(axis=0))[-1])]  # a node may have no more numbers
+            stored = np.ndarray(mask.shape, byte_order + "f8", buffer, first, (stride, 8))
+            stored[mask] = values[begin:end, : mask.shape[1]][mask]
     for flag in blocks.flag[dropped & (blocks.flag >= 0)].tolist():
         buffer[flag : flag + 4] = bytes(4)
     tail = np.repeat(np.where(dropped, blocks.tail, 0), blocks.size)

@@ -53,7 +53,9 @@ class GmshSource(Source):
         if not changed.any():
             file.write(self._data)
             return
-        values, changed = self._with_parameters(points, changed)
+        values = points
+        if self.parameters:
+            values, changed = self._with_parameters(points, changed)
         section, stale = patch_nodes(self._data, self._section, self._header, self._blocks, values, changed)
         if stale:
             nodes = "1 node" if stale == 1 else f"{stale} nodes"
