@@ -2,7 +2,7 @@
 
 A vertex has two numbers in the whole: its *index*, the place in the file, and its *number* in Morton order,
 as a problem has it on one rank. A rank owns the numbers of one range, and of cells those whose lowest number
-it owns. CellRows of the file come to their owners from whichever rank has read them.
+it owns. Rows of the file come to their owners from whichever rank has read them.
 """
 
 from __future__ import annotations
