@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dvr_cli.api.geometry import OnModel
+from dvr_cli.api.geometry import OnModel, gmsh_module
 from dvr_cli.api.options import SmoothOptions, check_known
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.errors import InputError, UsageError
@@ -33,10 +33,7 @@ def smooth_model(**options: Any) -> SmoothReport:
     Returns the report. Raises UsageError without Gmsh or a model with a mesh, and for wrong options.
     """
     check_known(options)
-    try:
-        import gmsh
-    except (ImportError, OSError) as error:  # OSError: a system library that it needs is missing
-        raise UsageError(f"gmsh: the Python module of Gmsh is needed: {error}") from error
+    gmsh = gmsh_module("gmsh: the Python module of Gmsh is needed")
     if not gmsh.isInitialized():
         raise UsageError("gmsh: there is no model; call gmsh.initialize() first")
     chosen = SmoothOptions.of(options)

@@ -132,6 +132,15 @@ def smooth_on_geometry(
     return points, report
 
 
+def gmsh_module(needed: str) -> Any:
+    """The Python module of Gmsh; UsageError that begins with ``needed`` if it cannot be had."""
+    try:
+        import gmsh
+    except (ImportError, OSError) as error:  # OSError: a system library that it needs is missing
+        raise UsageError(f"{needed}: {error}") from error
+    return gmsh
+
+
 def closest(gmsh: Any, entity: Entity, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The points (n, 3) of a curve or surface nearest to ``points`` (n, 3), and their parameters (n, 1|2)."""
     nearest, _ = gmsh.model.getClosestPoint(*entity, points.ravel())
@@ -148,11 +157,7 @@ def has_geometry(gmsh: Any, entity: Entity) -> bool:
 @contextmanager
 def _opened(geometry: Path) -> Iterator[Any]:
     """Gmsh with the model in a file as its current one."""
-    try:
-        import gmsh
-    except (ImportError, OSError) as error:  # OSError: a system library that it needs is missing
-        message = f"--geometry needs the Python module of Gmsh (pip install 'dvr-cli[cad]'): {error}"
-        raise UsageError(message) from error
+    gmsh = gmsh_module("--geometry needs the Python module of Gmsh (pip install 'dvr-cli[cad]')")
     if not geometry.is_file():
         raise UsageError(f"--geometry {geometry}: no such file")
     gmsh.initialize(readConfigFiles=False, interruptible=False)
@@ -173,6 +178,9 @@ def _opened(geometry: Path) -> Iterator[Any]:
 @contextmanager
 def _onto_stderr() -> Iterator[None]:
     """Send all that the geometry kernel prints to stderr, as stdout may be the mesh."""
+    if sys.stdout is None:
+        yield
+        return
     sys.stdout.flush()
     kept = os.dup(1)
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -35,13 +36,13 @@ def smooth(
     from dvr_cli.api.smoothing import smooth_mesh
 
     options = SmoothOptions.of(given)
-    geometry = given["geometry"]
-    pictured = given["plot"] is not None or is_page(given["report"])
-    work: Any = partial(smooth_mesh, options=options, means=pictured)
-    if geometry is not None:
+    smoothing: Callable[..., Any] = smooth_mesh
+    if given["geometry"] is not None:
         from dvr_cli.api.geometry import smooth_on_geometry
 
-        work = partial(smooth_on_geometry, geometry, options=options, means=pictured)
+        smoothing = partial(smooth_on_geometry, given["geometry"])
+    pictured = given["plot"] is not None or is_page(given["report"])
+    work = partial(smoothing, options=options, means=pictured)
     if given["mpi"]:
         from dvr_cli.cli.shares import smooth_in_shares
         from dvr_cli.distributed.job import world

@@ -186,6 +186,14 @@ def test_words_of_the_kernel_do_not_get_into_a_piped_mesh(folder, tmp_path):
         assert done.stdout[:11] == (b"$MeshFormat" if code == 0 else b"")
 
 
+def test_a_closed_stdout_is_no_hindrance(folder, tmp_path):
+    arguments = ["smooth", folder / "mesh00.msh", tmp_path / "out.msh", "--boundary", "project", "-n", "0"]
+    words = [str(word) for word in (DVR, *arguments, "--geometry", folder / "block.brep")]
+    done = subprocess.run(["sh", "-c", '"$@" >&-', "sh", *words], capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out.msh").exists()
+
+
 def test_without_gmsh_the_message_says_what_to_install(dvr, folder, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "gmsh", None)
     options = ("--boundary", "project", "--geometry", folder / "block.brep")
