@@ -13,6 +13,8 @@ from hypothesis import HealthCheck, settings
 # the oracle solves many tiny eigenvalue problems, in which BLAS threads only wait for one another
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
+# commands that tests start find modules compiled, as those of an installed package are
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # an example, or to draw one, may take long where others use the cores, too; CI takes the same ones every time
 LOADED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}

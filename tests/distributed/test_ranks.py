@@ -93,7 +93,7 @@ def without_times(report):
 
 @pytest.mark.parametrize(
     ("ranks", "every"),
-    [(3, 3), *(pytest.param(*both, marks=pytest.mark.long) for both in ((1, 2), (2, 2), (4, 1), (8, 3)))],
+    [(3, 8), *(pytest.param(*both, marks=pytest.mark.long) for both in ((1, 2), (2, 2), (3, 3), (4, 1), (8, 3)))],
 )
 def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, ranks, every):
     """In the usual run of the tests one run in so many."""

@@ -23,17 +23,17 @@ RUNS = (
     ("positive", "-d axis,optimal,narrowing -n 6 --shape ideal --keep-height --seed 7"),
     ("positive", "-d random,steepest -n 3"),
     ("22.msh", "-d random -n 60 --tol 1e-3"),  # converged, with what limits it
-    ("positive", "-d random -n 9 --target 0.3"),
+    ("41.msh", "-d random,steepest -n 2 --tol 0"),
     ("inside-out", "-d random -n 2 --tol 0"),
     ("older", "-d random -n 2 --tol 0"),
-    ("41.msh", "-d random,steepest -n 2 --tol 0"),
+    ("positive", "-d random -n 9 --target 0.3"),
     ("orphans", "-d random -n 2 --tol 0"),
     ("hull", "-d random -n 30"),  # the worst is on the boundary
     ("raw.vtu", "-d random -n 2 --tol 0"),
     ("positive", "-d random -n 2 --no-report"),
     ("positive", "--no-patches -n 6"),
-    ("positive", "--no-patches -n 2"),  # descent, sweeps with a level of care, polishing
     ("41.msh", "--no-patches -n 4 --target 0.5"),
+    ("positive", "--no-patches -n 2"),  # descent, sweeps with a level of care, polishing
     ("positive", "-d random -n 2 --polish --floor 0.9"),
 )
 
@@ -66,7 +66,7 @@ commands_of = partial(commands_for, write=write)
 
 @pytest.mark.parametrize(
     ("ranks", "every"),
-    [(3, 3), *(pytest.param(*both, marks=pytest.mark.long) for both in ((1, 3), (2, 3), (4, 1), (8, 3)))],
+    [(3, 6), *(pytest.param(*both, marks=pytest.mark.long) for both in ((1, 3), (2, 3), (3, 3), (4, 1), (8, 3)))],
 )
 def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, ranks, every):
     """In the usual run of the tests one run in so many."""
