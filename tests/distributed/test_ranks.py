@@ -33,6 +33,8 @@ RUNS = (
     ("few", "-n 3"),  # fewer vertices than ranks
     ("none", "-n 3"),
 )
+# ranks, and one run in so many, where tests may take long
+OTHERS = ((1, 2), (2, 2), (3, 3), (4, 1), (8, 3))
 
 
 def job(on_ranks, ranks, folder, commands, *fault):
@@ -92,8 +94,7 @@ def without_times(report):
 
 
 @pytest.mark.parametrize(
-    ("ranks", "every"),
-    [(3, 8), *(pytest.param(*both, marks=pytest.mark.long) for both in ((1, 2), (2, 2), (3, 3), (4, 1), (8, 3)))],
+    ("ranks", "every"), [(3, 8), *(pytest.param(*both, marks=pytest.mark.long) for both in OTHERS)]
 )
 def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, ranks, every):
     """In the usual run of the tests one run in so many."""

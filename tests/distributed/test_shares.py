@@ -36,6 +36,8 @@ RUNS = (
     ("positive", "--no-patches -n 2"),  # descent, sweeps with a level of care, polishing
     ("positive", "-d random -n 2 --polish --floor 0.9"),
 )
+# ranks, and one run in so many, where tests may take long
+OTHERS = ((1, 3), (2, 3), (3, 3), (4, 1), (8, 3))
 
 
 def ranges_of(path):
@@ -65,8 +67,7 @@ commands_of = partial(commands_for, write=write)
 
 
 @pytest.mark.parametrize(
-    ("ranks", "every"),
-    [(3, 6), *(pytest.param(*both, marks=pytest.mark.long) for both in ((1, 3), (2, 3), (3, 3), (4, 1), (8, 3)))],
+    ("ranks", "every"), [(3, 6), *(pytest.param(*both, marks=pytest.mark.long) for both in OTHERS)]
 )
 def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, ranks, every):
     """In the usual run of the tests one run in so many."""
