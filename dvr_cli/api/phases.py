@@ -137,9 +137,9 @@ class Run:
 
     def relax_patches(self) -> None:
         """Move the surroundings of the worst elements jointly."""
-        problem = self._engine.problem
+        engine = self._engine
         ended = self.stopped_because in (StopReason.CONVERGED, StopReason.MAX_ITERATIONS)
-        if ended and len(problem.free_rings):
+        if ended and engine.total(len(engine.problem.free_rings)):
             from dvr_cli.relax.patches.phase import relax_patches
 
             hooks = self._on_sweep, self._interrupted

@@ -71,14 +71,14 @@ class Hooks(NamedTuple):
 def takes(options: SmoothOptions) -> bool:
     """True if a run with these options needs no rank that has the whole mesh.
 
-    These are all phases but patches and untangling, along directions that do not depend on the mesh as a
+    These are all phases but untangling, along directions that do not depend on the mesh as a
     whole.
     """
     named = all(isinstance(entry, str) and entry in _DIRECTIONS for entry in options.entries)
     selects = bool(options.fix or options.only) or options.below is not None or options.vertices is not None
     return (
         named
-        and not (options.takes_patches or options.untangle)
+        and not options.untangle
         and not selects
         and options.metric is None
         and len(options.region_choice) == 0
@@ -205,6 +205,8 @@ def _smoothed(
     if options.takes_descent and engine.batches:
         run.descend()
     run.relax(field)
+    if options.takes_patches:
+        run.relax_patches()
     if options.takes_polish:
         run.polish(before.q1 or 0.0)
     if options.polish is None and run.polished:

@@ -104,19 +104,32 @@ class Member:
 
     def exchange(self, batch: int) -> None:
         """Send the neighbours the vertices of a batch that they have as ghosts, and get theirs."""
+        self._swap(
+            [(shared.rank, shared.of(batch)) for shared in self._part.sent],
+            [(shared.rank, shared.of(batch)) for shared in self._part.received],
+        )
+
+    def exchange_all(self) -> None:
+        """Send the neighbours all vertices that they have as ghosts, and get theirs."""
+        self._swap(
+            [(shared.rank, shared.vertices) for shared in self._part.sent],
+            [(shared.rank, shared.vertices) for shared in self._part.received],
+        )
+
+    def _swap(self, sent: list[tuple[int, np.ndarray]], received: list[tuple[int, np.ndarray]]) -> None:
+        """Send ranks the coordinates of some vertices, and get those of others."""
         points = self.engine.coordinates
-        received = [shared for shared in self._part.received if len(shared.of(batch))]
-        arriving = [np.empty((len(shared.of(batch)), points.shape[1])) for shared in received]
-        sent = [shared for shared in self._part.sent if len(shared.of(batch))]
-        leaving = [np.ascontiguousarray(points[shared.of(batch)]) for shared in sent]
+        received = [(rank, vertices) for rank, vertices in received if len(vertices)]
+        arriving = [np.empty((len(vertices), points.shape[1])) for _, vertices in received]
         requests = [
-            *(self._comm.Irecv(rows, source=s.rank) for s, rows in zip(received, arriving, strict=True)),
-            *(self._comm.Isend(rows, dest=s.rank) for s, rows in zip(sent, leaving, strict=True)),
+            self._comm.Irecv(rows, source=rank) for (rank, _), rows in zip(received, arriving, strict=True)
         ]
+        leaving = [(rank, np.ascontiguousarray(points[vertices])) for rank, vertices in sent if len(vertices)]
+        requests += [self._comm.Isend(rows, dest=rank) for rank, rows in leaving]
         for request in requests:
             request.Wait()
-        for shared, rows in zip(received, arriving, strict=True):
-            points[shared.of(batch)] = rows
+        for (_, vertices), rows in zip(received, arriving, strict=True):
+            points[vertices] = rows
 
     def _worst(self) -> tuple[float, int, float]:
         """Badness, number in the whole, and quality of the part's worst corner, see ``Engine.worst``."""

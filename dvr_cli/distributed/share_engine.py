@@ -6,7 +6,7 @@ What phases decide by is the same on all ranks, as it comes from all.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from dvr_cli.relax.engines.choice import EngineKind
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.steepest import Ascent
+
+if TYPE_CHECKING:
+    from dvr_cli.relax.patches.rounds import Rounds
 
 
 class ShareEngine(Engine):
@@ -86,6 +89,18 @@ class ShareEngine(Engine):
     def share(self, which: np.ndarray) -> float:
         return float(self._comm.allreduce(int(which.sum())) / self._comm.allreduce(len(which)))
 
+    def total(self, number: int) -> int:
+        return int(self._comm.allreduce(int(number)))
+
+    def first_of_lowest(self, values: np.ndarray) -> int:
+        place = int(values.argmin()) if len(values) else -1
+        mine = (np.inf, (0, 0), self._comm.rank)
+        if place >= 0:
+            corner = int(np.flatnonzero(self._share.part.first)[place])
+            mine = float(values[place]), self._share.turn_of(corner), self._comm.rank
+        candidates = [one for one in self._comm.allgather(mine) if one[0] < np.inf]
+        return place if candidates and min(candidates) == mine else -1
+
     def any(self, which: np.ndarray) -> bool:
         return any(self._comm.allgather(bool(which.any())))
 
@@ -105,6 +120,14 @@ class ShareEngine(Engine):
         enough: float = 0.0,
     ) -> int:
         return self._followed(batch, self._member.engine.move_batch(batch, directions, active, enough))
+
+    def may_be_freed(self) -> np.ndarray:
+        return np.ones(np.count_nonzero(self._share.part.first), dtype=bool)
+
+    def rounds(self) -> Rounds:
+        from dvr_cli.distributed.share_rounds import ShareRounds  # not for runs without patches
+
+        return ShareRounds(self._comm, self, self._share, self._member)
 
     def keep_altitude(self, bound: float) -> None:
         """As in Engine; bound: what the rank's own cells allow, of which the least counts."""

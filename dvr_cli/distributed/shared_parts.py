@@ -23,6 +23,7 @@ class Share:
     place: (n,) the vertices of the rank's mesh in the order of the part. own, relaxed: (n,) bool, of the
     vertices of that mesh those that the rank owns, and those that move, on whatever rank.
     number: (n,) of the vertices of the part, and cells: (c,) ids of the cells of that mesh, in the whole.
+    bounds: (ranks + 1,) the ranges of numbers that ranks own.
     """
 
     part: Part
@@ -31,6 +32,7 @@ class Share:
     relaxed: np.ndarray
     number: np.ndarray
     cells: np.ndarray
+    bounds: np.ndarray
 
     def turn_of(self, corner: int) -> tuple[int, int]:
         """The place of a touched corner in the order that the touched corners of the whole problem have."""
@@ -83,7 +85,7 @@ def share_of(comm: Any, store: Store, local: Local, domain: Domain, moves: np.nd
         first=owners.min(axis=1) == comm.rank,
         corners=touched_ids,
     )
-    return Share(part, place, own, position >= 0, local.number[place], local.cells)
+    return Share(part, place, own, position >= 0, local.number[place], local.cells, store.bounds)
 
 
 def _positions(

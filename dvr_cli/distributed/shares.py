@@ -12,13 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dvr_cli.distributed.rows import asked, bounds, owner_of, sent
+from dvr_cli.distributed.rows import asked, bounds, owner_of, places, sent
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.morton import morton_codes
 from dvr_cli.mesh.ranks import distinct, distinct_and_ranks
-
-_SAMPLES = 256  # places on the curve that each rank names, between which ranges are cut
 
 
 class CellRows(NamedTuple):
@@ -110,8 +108,8 @@ class Store:
             comm.allgather((-points).min(axis=0, initial=np.inf) if len(points) else nothing), 0
         )
         read_from = self.bounds[comm.rank]
-        numbers = self._numbered(morton_codes(points, self.low, self.high), read_from)
         index = read_from + np.arange(len(points))
+        numbers = places(comm, morton_codes(points, self.low, self.high), index)  # of equals by index
         own, index, points = sent(comm, owner_of(numbers, self.bounds), numbers, index, points)
         order = np.argsort(own)
         self.first = int(self.bounds[comm.rank])
@@ -215,25 +213,6 @@ class Store:
         place[(place < 0) | (place >= self.count)] = self.count
         which = marked[place].any(axis=1)
         return CellRows(*(column[which] for column in cells))
-
-    def _numbered(self, codes: np.ndarray, read_from: int) -> np.ndarray:
-        """(n,) the number of each vertex that was read, from its place on the curve; of equals by index."""
-        comm = self.comm
-        index = read_from + np.arange(len(codes))
-        ordered = np.sort(codes)
-        places = np.arange(_SAMPLES) * len(ordered) // _SAMPLES if len(ordered) else np.empty(0, np.int64)
-        samples = np.sort(np.concatenate(comm.allgather(ordered[places])))
-        cuts = samples[np.arange(1, comm.size) * len(samples) // comm.size]
-        part, whose = sent(comm, np.searchsorted(cuts, codes, side="right"), codes, index)
-        order = np.lexsort((whose, part))
-        before = sum(comm.allgather(len(part))[: comm.rank])
-        whose = whose[order]
-        back, numbers = sent(
-            comm, owner_of(whose, self.bounds), whose, before + np.arange(len(whose), dtype=np.int64)
-        )
-        result = np.empty(len(codes), dtype=np.int64)
-        result[back - read_from] = numbers
-        return result
 
     def _dealt(self, cells: CellRows, numbers: np.ndarray) -> CellRows:
         """All cells with a vertex of this rank, by number.

@@ -35,6 +35,9 @@ RUNS = (
     ("41.msh", "--no-patches -n 4 --target 0.5"),
     ("positive", "--no-patches -n 2"),  # descent, sweeps with a level of care, polishing
     ("positive", "-d random -n 2 --polish --floor 0.9"),
+    ("positive", "--patches -n 5"),
+    ("41.msh", "--patches -n 3 --target 0.5"),
+    ("22.msh", "-d random -n 2 --patches"),
 )
 # ranks, and one run in so many, where tests may take long
 OTHERS = ((1, 3), (2, 3), (3, 3), (4, 1), (8, 3))
@@ -201,10 +204,10 @@ def test_a_job_that_ends_early_leaves_nothing_half_written(tmp_path, on_ranks, f
 def test_runs_that_need_the_whole_mesh_are_not_taken():
     assert takes(SmoothOptions(directions="random,steepest"))
     assert takes(SmoothOptions(patches=False))
+    assert takes(SmoothOptions(patches=True))
     assert takes(SmoothOptions(directions="random", polish=True, floor=0.9))
-    others = [{"directions": "radial"}, {"patches": True}, {"boundary": "slide"}]
+    others = [{"directions": "radial"}, {"boundary": "slide"}]
     others += [{"fix": "a"}, {"below": 0.3}, {"vertices": [1]}, {"regions": "none"}, {"untangle": True}]
     others += [{"order": "natural"}, {"shape": "input"}, {"metric": np.ones((3, 3, 3))}]
     for other in others:
         assert not takes(SmoothOptions(**{"directions": "random"} | other)), other
-    assert not takes(SmoothOptions(patches=True))

@@ -20,6 +20,7 @@ from dvr_cli.relax.steepest import Ascent
 
 if TYPE_CHECKING:
     from dvr_cli.relax.directions import DirectionField
+    from dvr_cli.relax.patches.rounds import Rounds
     from dvr_cli.relax.patches.solver import Patch
     from dvr_cli.relax.surface.carriers import Carriers, Standing
     from dvr_cli.relax.surface.walk import Walk
@@ -182,6 +183,14 @@ class Engine(ABC):
         """The share of the corners or rings that are among ``which``, a bool each."""
         return float(which.mean())
 
+    def total(self, number: int) -> int:
+        """The sum of a number over all processes that have a part of the problem."""
+        return int(number)
+
+    def first_of_lowest(self, values: np.ndarray) -> int:
+        """The first of the corners with the lowest of (C,) values; -1 where that is in another process."""
+        return int(values.argmin())
+
     def any(self, which: np.ndarray) -> bool:
         """True if any ring is among ``which``, (m,) bool."""
         return bool(which.any())
@@ -324,6 +333,21 @@ class Engine(ABC):
             return kernel(self._get(), before[a - lo : b - lo], a, b, self._rows, *rule)
 
         return moved - sum(self._in_parts(part, lo, hi)) if moved else 0
+
+    def may_be_freed(self) -> np.ndarray:
+        """(C,) bool, the corners with a vertex that moves and does not walk, so that a patch may free it."""
+        problem = self.problem
+        if problem.walk_start is None:
+            return np.ones(len(problem.touched.vertices), dtype=bool)
+        free = np.zeros(len(problem.order), dtype=bool)
+        free[problem.rings.vertices[problem.free_rings]] = True
+        return free[problem.touched.vertices].any(axis=1)
+
+    def rounds(self) -> Rounds:
+        """The rounds of patches from these coordinates, see ``relax.patches``."""
+        from dvr_cli.relax.patches.rounds import WholeRounds  # not for runs without patches
+
+        return WholeRounds(self)
 
     def solve_patches(
         self, points: np.ndarray, patches: Sequence[Patch], time_is_up: Callable[[], bool]

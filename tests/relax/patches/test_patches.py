@@ -22,7 +22,8 @@ from dvr_cli.quality.vector import at_least, ring_minima
 from dvr_cli.relax.directions import random_field
 from dvr_cli.relax.engines.numpy_engine import NumpyEngine
 from dvr_cli.relax.patches import phase as module
-from dvr_cli.relax.patches.phase import Neighbourhoods, relax_patches
+from dvr_cli.relax.patches.neighbourhoods import Neighbourhoods
+from dvr_cli.relax.patches.phase import relax_patches
 from dvr_cli.relax.patches.solver import Patch, PatchEnergy, solve_patch
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import Stopping

@@ -1,0 +1,155 @@
+"""Rounds of patches where no rank has the whole problem: the patches that one process would choose.
+
+A patch is of the rank that answers for its seed. Around the worst corners of the whole, some at a time, each
+rank asks others for what lies beyond its own part, and finds which corners each patch would have. Of patches
+that share a corner the first counts: what decides that are the ranks to which the corners are at home. So
+no rank gets to know more than the surroundings of its own seeds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dvr_cli.distributed.first_come import Wish, first_come
+from dvr_cli.distributed.member import Member
+from dvr_cli.distributed.rows import owner_of, places, sent
+from dvr_cli.distributed.shared_parts import Share
+from dvr_cli.distributed.vicinities import Vicinities, Vicinity
+from dvr_cli.mesh.corners import Simplices
+from dvr_cli.quality.mean_ratio import corner_qualities
+from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.patches.neighbourhoods import ROUND, Patches
+from dvr_cli.relax.patches.phase import CANDIDATES
+from dvr_cli.relax.patches.rounds import Rounds, Solved, has_grown
+
+
+class _Chosen(NamedTuple):
+    """A patch that may come to its turn.
+
+    place: among the candidates of all ranks, and seed: its corner here. vicinity: around it, and patches:
+    this one alone, in the vicinity's numbering.
+    """
+
+    place: int
+    seed: int
+    vicinity: Vicinity
+    patches: Patches
+
+    @property
+    def wish(self) -> Wish:
+        """The corners that it would have."""
+        corners = self.patches.corners
+        return Wish(self.place, self.vicinity.ids[corners], self.vicinity.homes[corners])
+
+
+class ShareRounds(Rounds):
+    """The rounds of a rank's share; all ranks have to ask for them together."""
+
+    def __init__(self, comm: Any, engine: Engine, share: Share, member: Member) -> None:
+        """engine: of the share, whose altitude is kept. member: has the coordinates."""
+        self._comm, self._engine, self._share, self._member = comm, engine, share, member
+        self._vicinities = Vicinities(comm, share, member.engine)
+        self._first = np.flatnonzero(share.part.first)
+        self._answered = np.full(len(share.cells), -1, dtype=np.int32)  # of cells the number among these
+        self._answered[share.part.problem.touched_ids[self._first]] = np.arange(len(self._first))
+
+    def solve(
+        self,
+        worst: np.ndarray,
+        quality: np.ndarray,
+        layers: np.ndarray,
+        enough: float,
+        time_is_up: Callable[[], bool],
+    ) -> Solved:
+        """As in Rounds, of the corners that the rank answers for; time is asked about between rounds only."""
+        chosen = self._choose(worst, quality[worst], layers)
+        bounds = enough, float(self._engine.altitude)
+        results: list[tuple[float, float]] = []
+        for _, some in groupby(chosen, key=lambda one: id(one.vicinity)):
+            same = list(some)
+            vicinity = same[0].vicinity
+            patches = vicinity.solvable([one.patches for one in same], *bounds)
+            results += self._member.engine.solve_patches(vicinity.points, patches, lambda: False)
+        badness = np.array(results).reshape(-1, 2)
+        moved = sum(len(one.patches.freed) for one, (b, a) in zip(chosen, results, strict=True) if a < b)
+        grown = has_grown(badness, self._share.part.problem.dimension)
+        self._bring(chosen)
+        corners, values, of_grown = self._changed(chosen, grown)
+        return Solved(
+            patches=self._comm.allreduce(len(chosen)),
+            moved=self._comm.allreduce(moved),
+            seeds=np.array([one.seed for one in chosen], dtype=np.int64),
+            badness=badness,
+            corners=corners,
+            quality=values,
+            grown=of_grown,
+        )
+
+    def _choose(self, worst: np.ndarray, quality: np.ndarray, layers: np.ndarray) -> list[_Chosen]:
+        """The patches of this rank among the first ROUND that share no corner with earlier ones."""
+        turns = self._vicinities.turns(self._first[worst])
+        place = places(self._comm, quality, *turns)
+        candidates = min(self._comm.allreduce(len(worst)), CANDIDATES)
+        taken: list[_Chosen] = []
+        done, some, count = 0, 2 * ROUND, 0
+        while done < candidates and count < ROUND:
+            end = min(done + some, candidates)
+            new = (place >= done) & (place < end)
+            taken += self._some(worst[new], place[new], layers)
+            free = first_come(self._comm, [one.wish for one in taken])
+            taken = [one for one, is_free in zip(taken, free, strict=True) if is_free]
+            done, some = end, 2 * some
+            count = self._comm.allreduce(len(taken))
+        last = self._last_place([one.place for one in taken], candidates) if count > ROUND else candidates
+        return [one for one in taken if one.place < last]
+
+    def _some(self, seeds: np.ndarray, place: np.ndarray, layers: np.ndarray) -> list[_Chosen]:
+        """The patches around some corners."""
+        vicinity = self._vicinities.around(self._first[seeds], layers[seeds] + 1)
+        patches = vicinity.patches(self._vicinities.ids(self._first[seeds]), layers[seeds])
+        return [
+            _Chosen(at, seed, vicinity, one)
+            for at, seed, one in zip(place.tolist(), seeds.tolist(), patches, strict=True)
+        ]
+
+    def _last_place(self, taken: list[int], candidates: int) -> int:
+        """The place before which ROUND patches are taken on all ranks, by halving."""
+        low, high = 0, candidates
+        while high - low > 1:
+            middle = (low + high) // 2
+            count = self._comm.allreduce(sum(place < middle for place in taken))
+            low, high = (low, middle) if count >= ROUND else (middle, high)
+        return high
+
+    def _bring(self, chosen: list[_Chosen]) -> None:
+        """Give the owners of vertices their coordinates, and them to all that have these as ghosts."""
+        share, points = self._share, self._member.engine.coordinates
+        number = _joined([one.vicinity.number[one.patches.freed] for one in chosen], np.int64)
+        reached = _joined(
+            [one.vicinity.points[one.patches.freed] for one in chosen], np.float64, points.shape[1]
+        )
+        number, reached = sent(self._comm, owner_of(number, share.bounds), number, reached)
+        points[np.searchsorted(share.number, number)] = reached
+        self._member.exchange_all()
+
+    def _changed(self, chosen: list[_Chosen], grown: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The corners of patches that this rank answers for, their qualities, whether patches have grown."""
+        ids, values, to = [], [], []
+        for one in chosen:
+            vicinity, corners = one.vicinity, one.patches.corners
+            some = Simplices(one.patches.vertices, one.patches.shapes[:, None], vicinity.table)
+            ids.append(vicinity.ids[corners])
+            values.append(corner_qualities(vicinity.points, some))
+            to.append(vicinity.answerers[corners])
+        has = np.repeat(grown, [len(one) for one in ids])
+        columns = _joined(ids, np.int64), _joined(values, np.float64), has
+        found, quality, has = sent(self._comm, _joined(to, np.int64), *columns)
+        return self._answered[np.searchsorted(self._share.cells, found)], quality, has
+
+
+def _joined(parts: list[np.ndarray], dtype: type, *width: int) -> np.ndarray:
+    return np.concatenate([np.empty((0, *width), dtype=dtype), *parts])

@@ -1,0 +1,197 @@
+"""Vicinities: the corners around some of a rank's corners, beyond its part too, as patches need them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dvr_cli.backend import Backend
+from dvr_cli.distributed.rows import owner_of
+from dvr_cli.distributed.shared_parts import Share
+from dvr_cli.mesh.corners import ShapeTable
+from dvr_cli.mesh.csr import row_entries
+from dvr_cli.mesh.ranks import distinct
+from dvr_cli.mesh.rings import incidence
+from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.patches.neighbourhoods import Patches, choose
+from dvr_cli.relax.patches.solver import Patch
+
+
+class _Rows(NamedTuple):
+    """Some corners and their vertices, by number in the whole.
+
+    ids: (c,) of the corners, vertices: (c, d+1), shapes: (c,). number: (n,) of the vertices, each once,
+    ascending, colour: (n,), -1 for those that are not relaxed, points: (n, d).
+    """
+
+    ids: np.ndarray
+    vertices: np.ndarray
+    shapes: np.ndarray
+    number: np.ndarray
+    colour: np.ndarray
+    points: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Vicinity:
+    """Some corners, in the order of the whole, and their vertices, in that of their numbers there.
+
+    ids: (c,) of the corners, vertices: (c, d+1) in the vicinity's numbering, shapes: (c,) rows of ``table``.
+    number: (n,) of the vertices in the whole, points: (n, d), relaxed: (m,) those that are, in the order of
+    the rings of the whole. answerers, homes: (c,) the ranks that answer for each corner, and that owns its
+    lowest vertex.
+    """
+
+    ids: np.ndarray
+    vertices: np.ndarray
+    shapes: np.ndarray
+    table: ShapeTable
+    number: np.ndarray
+    points: np.ndarray
+    relaxed: np.ndarray
+    answerers: np.ndarray
+    homes: np.ndarray
+    backend: Backend
+
+    def patches(self, seeds: np.ndarray, layers: np.ndarray) -> list[Patches]:
+        """The patch around each of the corners with these ids, as it is where it comes first.
+
+        layers: to be freed around each; the vicinity reaches one step further.
+        """
+        at = np.argsort(self.ids)
+        found = at[np.searchsorted(self.ids[at], seeds)]
+        members, start, corner = self._incidence
+        around = np.zeros(len(self.ids), dtype=np.int64)
+        around[found] = layers
+        result = []
+        for seed in found:
+            one, freed_start, freed, corner_start, corners = self.backend.twin(choose)(
+                np.array([seed]), around, 1, members, start, corner
+            )
+            more = self.vertices[corners], self.shapes[corners]
+            result.append(Patches(one, freed_start, self.relaxed[freed], corner_start, corners, *more))
+        return result
+
+    def solvable(self, patches: list[Patches], enough: float, altitude: float) -> list[Patch]:
+        """Some patches, one in each of ``patches``, as the solver takes them; no two share a corner."""
+        n, d = self.points.shape
+        slot = np.full(n, -1, dtype=np.int32)
+        rules = slot, self.table.norm, self.table.factor, np.full(n, d, dtype=np.uint8), np.zeros((n, d))
+        for one in patches:
+            slot[one.freed] = np.arange(len(one.freed))
+        return [Patch(*one.of(0), *rules, enough, altitude) for one in patches]
+
+    @cached_property
+    def _incidence(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The relaxed vertices of each corner by place in ``relaxed``, or -1; the corners of each."""
+        place = np.full(len(self.number), -1, dtype=np.int32)
+        place[self.relaxed] = np.arange(len(self.relaxed))
+        members = place[self.vertices]
+        start, corner, _ = self.backend.twin(incidence)(members, len(self.relaxed))
+        return members, start, corner
+
+
+class Vicinities:
+    """The source of vicinities; all ranks have to ask for them together."""
+
+    def __init__(self, comm: Any, share: Share, engine: Engine) -> None:
+        """engine: of the rank, which has the coordinates."""
+        self._comm, self._share, self._engine = comm, share, engine
+        problem = share.part.problem
+        self._own = np.sort(problem.rings.vertices)
+        row = np.full(len(share.number), -1, dtype=np.int32)
+        row[self._own] = np.arange(len(self._own))
+        members = row[problem.touched.vertices]
+        self._start, self._corner, _ = engine.backend.twin(incidence)(members, len(self._own))
+        self._colour = np.full(len(share.number), -1, dtype=np.int32)
+        batches = np.arange(len(problem.batch_start) - 1)
+        self._colour[problem.rings.vertices] = np.repeat(batches, np.diff(problem.batch_start))
+        for shared in share.part.received:
+            self._colour[shared.vertices] = np.repeat(batches, np.diff(shared.start))
+
+    def ids(self, corners: np.ndarray) -> np.ndarray:
+        """The ids of some touched corners of this rank."""
+        return self._share.cells[self._share.part.problem.touched_ids[corners]]
+
+    def turns(self, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The order of some touched corners in the whole: by lowest vertex, then by id."""
+        share = self._share
+        return share.number[share.part.problem.touched.vertices[corners].min(axis=1)], self.ids(corners)
+
+    def around(self, seeds: np.ndarray, steps: np.ndarray) -> Vicinity:
+        """The corners that some touched corners of this rank lead to in so many steps each.
+
+        A step leads to all corners with a common relaxed vertex.
+        """
+        share, vertices = self._share, self._share.part.problem.touched.vertices[seeds]
+        relaxed = self._colour[vertices] >= 0
+        new = done = np.empty(0, dtype=np.int64)
+        found = []
+        for step in range(max(self._comm.allgather(int(steps.max(initial=0)))), 0, -1):
+            now = steps == step
+            begun = share.number[vertices[now][relaxed[now]]]
+            wanted = distinct(np.concatenate([new, begun]))
+            wanted = wanted[~np.isin(wanted, done)]
+            done = np.concatenate([done, wanted])
+            rows = self._asked(wanted)
+            new = np.concatenate([each.number[each.colour >= 0] for each in rows])
+            found += rows
+        return self._vicinity(found)
+
+    def _vicinity(self, found: list[_Rows]) -> Vicinity:
+        """The vicinity of all that was found."""
+        problem, bounds = self._share.part.problem, self._share.bounds
+        found = found or [self._with(np.empty(0, dtype=np.int64))]
+        number, first = np.unique(np.concatenate([rows.number for rows in found]), return_index=True)
+        colour = np.concatenate([rows.colour for rows in found])[first]
+        points = np.concatenate([rows.points for rows in found])[first]
+        ids, first = np.unique(np.concatenate([rows.ids for rows in found]), return_index=True)
+        vertices = np.concatenate([rows.vertices for rows in found])[first]
+        shapes = np.concatenate([rows.shapes for rows in found])[first]
+        order = np.lexsort((ids, vertices.min(axis=1, initial=number[-1] if len(number) else 0)))
+        vertices = np.searchsorted(number, vertices[order]).astype(np.int32)
+        relaxed = np.flatnonzero(colour >= 0)
+        relaxed = relaxed[np.argsort(colour[relaxed], kind="stable")].astype(np.int32)
+        owner = owner_of(number, bounds)
+        answerer = np.where(colour >= 0, owner, self._comm.size)
+        return Vicinity(
+            ids=ids[order],
+            vertices=vertices,
+            shapes=shapes[order],
+            table=problem.touched.table,
+            number=number,
+            points=np.ascontiguousarray(points),
+            relaxed=relaxed,
+            answerers=answerer[vertices].min(axis=1, initial=self._comm.size),
+            homes=owner[vertices].min(axis=1, initial=self._comm.size),
+            backend=self._engine.backend,
+        )
+
+    def _asked(self, numbers: np.ndarray) -> list[_Rows]:
+        """The corners with any of these relaxed vertices ((k,) by number, ascending), from their owners."""
+        comm = self._comm
+        cuts = np.searchsorted(numbers, self._share.bounds[1:-1])
+        return [
+            _Rows(*rows) for rows in comm.alltoall([*map(self._with, comm.alltoall(np.split(numbers, cuts)))])
+        ]
+
+    def _with(self, numbers: np.ndarray) -> _Rows:
+        """The corners with any of some relaxed vertices that this rank owns."""
+        share, touched = self._share, self._share.part.problem.touched
+        rows = np.searchsorted(self._own, np.searchsorted(share.number, numbers))
+        corners = distinct(self._corner[row_entries(self._start, rows)[0]])
+        vertices = touched.vertices[corners]
+        here = distinct(vertices.ravel())
+        points = self._engine.coordinates[here]
+        number = share.number[here]
+        return _Rows(
+            self.ids(corners),
+            share.number[vertices],
+            touched.shapes[corners, 0],
+            number,
+            self._colour[here],
+            points,
+        )
