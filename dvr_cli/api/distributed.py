@@ -10,14 +10,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dvr_cli.api.options import SmoothOptions, check_known
+from dvr_cli.api.shares import Hooks, Work, smooth_store, takes
 from dvr_cli.api.smoothing import smooth_mesh
+from dvr_cli.distributed.dealing import dealt
 from dvr_cli.distributed.gathering import Gathered, Piece, gathered
-from dvr_cli.distributed.job import LEAD
+from dvr_cli.distributed.job import LEAD, ending_the_job
 from dvr_cli.distributed.lead import LeadEngine
+from dvr_cli.distributed.member import take_turns
 from dvr_cli.distributed.ranks import on_all, on_lead
 from dvr_cli.errors import UsageError
+from dvr_cli.files.ranges import MAIN
 from dvr_cli.mesh.convert import from_arrays
 from dvr_cli.quality.measure import Quality
+from dvr_cli.relax.engines.choice import KINDS, choose_engine
 from dvr_cli.report.records import SmoothReport
 
 if TYPE_CHECKING:
@@ -53,12 +58,15 @@ def smooth_distributed(
     vertices' ids in ascending order. That holds for any number of ranks and any distribution. Random
     directions are drawn for the place of a vertex in that order.
 
-    The leading rank (0) gathers the mesh, sets up and measures; the sweeps are done on all. So one
-    machine's memory bounds the mesh.
+    Tetrahedra with the options that docs/distributed.md names are dealt out anew, and no rank has the whole.
+    Otherwise the leading rank (0) gathers the mesh, sets up and measures; the sweeps are done on all. So one
+    machine's memory bounds the mesh then.
 
     Raises UsageError and InputError as ``smooth`` does, on all ranks; and where pieces contradict each other.
     """
     piece, given = on_all(comm, lambda: _checked(points, cells, vertex_ids, cell_ids, options))
+    if (result := _in_shares(comm, piece, given)) is not None:
+        return result
     whole = gathered(comm, piece)
     arrays = {name: comm.gather(getattr(given, name), LEAD) for name in _BY_ROW}
     records = comm.gather(given.record(), LEAD)
@@ -96,6 +104,27 @@ def _checked(
         if isinstance(rows, np.ndarray) and len(rows) != count:
             raise UsageError(f"{name}: {count} rows are needed on this rank, not {len(rows)}")
     return piece, given
+
+
+def _in_shares(comm: Any, piece: Piece, options: SmoothOptions) -> tuple[np.ndarray, SmoothReport] | None:
+    """The result where no rank needs the whole; None on all ranks where one does, or anything is wrong."""
+    arrays = any(isinstance(getattr(options, name), np.ndarray) for name in _BY_ROW)
+    chosen = comm.allgather((None if arrays or not takes(options) else options.record(), piece.count))
+    if chosen[0][0] is None or any(record != chosen[0][0] for record, _ in chosen):
+        return None
+    with ending_the_job(comm):
+        share = dealt(comm, piece)
+    if share is None:
+        return None
+    of_work = share.store.size, options.stopping.max_iterations, options.takes_patches
+    engine = comm.bcast(on_all(comm, lambda: choose_engine(options.engine, *of_work)).name, LEAD)
+    with ending_the_job(comm):
+        take_turns(KINDS[engine])
+        work = Work(options, engine, False, {MAIN: share.count}, once=False)
+        done = smooth_store(comm, share.store, work, Hooks())
+        if done is None:
+            return None
+        return share.of_piece(done.vertices, done.points), _without_rows(done.report)
 
 
 def _check_alike(records: list[dict[str, Any]], arrays: dict[str, list[Any]]) -> None:

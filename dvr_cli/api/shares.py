@@ -30,7 +30,7 @@ from dvr_cli.distributed.share_writing import write_copy
 from dvr_cli.distributed.shared_parts import Share, share_of
 from dvr_cli.distributed.shares import CellRows, Local, Store
 from dvr_cli.errors import DvrError, InputError
-from dvr_cli.files.ranges import Ranges
+from dvr_cli.files.ranges import MAIN, Ranges
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.ranks import distinct
 from dvr_cli.mesh.region_choice import regions_of
@@ -47,10 +47,24 @@ from dvr_cli.report.records import MeshSummary, ShapeUse, SmoothReport, summaris
 _DIRECTIONS = ("random", "x", "y", "z", "axis", "steepest", "narrowing", "optimal")
 
 
+class Work(NamedTuple):
+    """The work of a job: how the vertices of a mesh move, and what is said of that.
+
+    engine: the name of a kind. vector: whether the leading rank gets quality vectors. counts: how many cells
+    of each type the whole has. once: whether a lower cell that is there twice would have to count once.
+    """
+
+    options: SmoothOptions
+    engine: str
+    vector: bool
+    counts: dict[str, int]
+    once: bool
+
+
 class Task(NamedTuple):
     """The task of a job: ranges of ``source``, what is written at ``output``, and how vertices move.
 
-    engine: the name of a kind. vector: whether the leading rank gets quality vectors.
+    options, engine, vector: see ``Work``.
     """
 
     source: Path
@@ -59,6 +73,12 @@ class Task(NamedTuple):
     options: SmoothOptions
     engine: str
     vector: bool
+
+    @property
+    def work(self) -> Work:
+        """The work between reading and writing."""
+        counts = {name: table.count for name, table in self.ranges.cells}
+        return Work(self.options, self.engine, self.vector, counts, self.ranges.once)
 
 
 class Hooks(NamedTuple):
@@ -106,18 +126,38 @@ def smooth_shares(comm: Any, task: Task, hooks: Hooks | None = None) -> SmoothRe
     take_turns(KINDS[task.engine])
     store = store_of(comm, task.ranges, read)
     del read
-    mine = _prepared(comm, store, task, KINDS[task.engine].backend)
-    if mine is None:
-        return None
-    report, moved = _smoothed(comm, store, mine, task, hooks or Hooks())
-    if report is None:
+    result = smooth_store(comm, store, task.work, hooks or Hooks())
+    if result is None:
         return None
     if not _agree(comm, _changed(task.source) == changed):
         return InputError(f"{task.source}: it has changed while it was being smoothed")
     rows = task.ranges.points
+    first, values = _for_file(comm, store, task, result.vertices, result.points)
+    return write_copy(comm, task.source, task.output, rows, first, values) or result.report
+
+
+class Smoothed(NamedTuple):
+    """What has come of a store: the report, and where the vertices are that this rank owns.
+
+    vertices: (n,) the index of these in the whole, and points: (n, 3).
+    """
+
+    report: SmoothReport
+    vertices: np.ndarray
+    points: np.ndarray
+
+
+def smooth_store(comm: Any, store: Store, work: Work, hooks: Hooks) -> Smoothed | None:
+    """Smooth a mesh of which each rank has a store, on all ranks together.
+
+    None on all where the mesh has to be on one rank, see ``smooth_shares``.
+    """
+    mine = _prepared(comm, store, work, KINDS[work.engine].backend)
+    if mine is None:
+        return None
+    report, moved = _smoothed(comm, store, mine, work, hooks)
     own = mine.share.own
-    first, values = _for_file(comm, store, task, (mine.local.index[own], moved[own]))
-    return write_copy(comm, task.source, task.output, rows, first, values) or report
+    return None if report is None else Smoothed(report, mine.local.index[own], moved[own])
 
 
 def _changed(source: Path) -> int:
@@ -142,13 +182,13 @@ class _Mine(NamedTuple):
     view: View
 
 
-def _prepared(comm: Any, store: Store, task: Task, backend: Any) -> _Mine | None:
+def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None:
     """The work of this rank; None on all ranks where the mesh has to be on one, see ``smooth_shares``."""
     if not _agree(comm, len(store.cells.ids) > 0):
         return None
-    if task.ranges.once and not _agree(comm, not _has_repeated(store)):
+    if work.once and not _agree(comm, not _has_repeated(store)):
         return None
-    if task.options.shape == "auto" and _has_layers(comm, store, backend):
+    if work.options.shape == "auto" and _has_layers(comm, store, backend):
         return None
     local = store.local(store.cells, store.lower)
     domain = _positive_domain(comm, local, backend)
@@ -190,13 +230,13 @@ def _has_layers(comm: Any, store: Store, backend: Any) -> bool:
 
 
 def _smoothed(
-    comm: Any, store: Store, mine: _Mine, task: Task, hooks: Hooks
+    comm: Any, store: Store, mine: _Mine, work: Work, hooks: Hooks
 ) -> tuple[SmoothReport | None, np.ndarray]:
     """The report, None where the result is not what it should be, and the rank's coordinates reached."""
     local, domain, share, view = mine
-    options, kind = task.options, KINDS[task.engine]
+    options, kind = work.options, KINDS[work.engine]
     field = direction_field(options.entries, domain, {}, options.seed, options.center, options.axis)
-    before = quality_of(comm, view, domain.points, task.vector)
+    before = quality_of(comm, view, domain.points, work.vector)
     start = time.perf_counter()
     engine = ShareEngine(comm, kind, share, options.threads)
     everywhere = np.ones(len(local.index), dtype=bool)
@@ -214,7 +254,7 @@ def _smoothed(
         if not is_at_least(comm, *minima):
             run.undo_polish()
     points = run.points
-    after = quality_of(comm, view, points, task.vector)
+    after = quality_of(comm, view, points, work.vector)
     seconds = time.perf_counter() - start
     if is_worse(after, before) or (options.keeps_altitude and lowers_altitude(after, before)):
         return None, points
@@ -225,7 +265,7 @@ def _smoothed(
         limited_by = _limit(comm, store, mine, points, after, options)
     report = SmoothReport(
         shape=ShapeUse(options.shape_mode, 0, 1.0),
-        mesh=_summary(comm, store, mine, task.ranges),
+        mesh=_summary(comm, store, mine, work.counts),
         relaxed=comm.allreduce(len(view.own)),
         before=before,
         after=after,
@@ -248,14 +288,14 @@ def _asked(comm: Any, interrupted: Callable[[], bool]) -> Callable[[], bool]:
     return lambda: bool(comm.bcast(interrupted() if comm.rank == LEAD else None, LEAD))
 
 
-def _summary(comm: Any, store: Store, mine: _Mine, ranges: Ranges) -> MeshSummary:
+def _summary(comm: Any, store: Store, mine: _Mine, counts: dict[str, int]) -> MeshSummary:
     """The summary of the whole mesh."""
     region, divided_by = regions_of(store.kinds.summary(), [0])
     return replace(
         summarise(mine.local.mesh, mine.domain),
         points=store.size,
-        cells={name: table.count for name, table in ranges.cells},
-        mirrored=ranges.main.count if mine.domain.mirrored else 0,
+        cells=counts,
+        mirrored=counts[MAIN] if mine.domain.mirrored else 0,
         regions=int(region.max()) + 1,
         divided_by=divided_by,
         orphans=store.size - comm.allreduce(int(mine.share.own.sum())),
@@ -297,12 +337,12 @@ def _limit(
     )
 
 
-def _for_file(comm: Any, store: Store, task: Task, moved: tuple[np.ndarray, np.ndarray]) -> Any:
+def _for_file(comm: Any, store: Store, task: Task, index: np.ndarray, points: np.ndarray) -> Any:
     """The first row that this rank writes, and its rows: those it has read, with what its owners moved.
 
-    moved: the indices and coordinates of the vertices that this rank owns.
+    index: (n,) of the vertices that this rank owns in the whole, and points: (n, 3).
     """
-    index, points = sent(comm, owner_of(moved[0], bounds(store.size, comm.size)), *moved)
+    index, points = sent(comm, owner_of(index, bounds(store.size, comm.size)), index, points)
     first, last = own_range(comm, task.ranges.points)
     rows = task.ranges.points.read(task.source, first, last)
     assert rows is not None  # as before

@@ -48,13 +48,15 @@ def asked(
 
 
 def places(comm: Any, *columns: np.ndarray) -> np.ndarray:
-    """(n,) the place of each row of this rank among those of all ranks, in their order.
+    """(n,) the place of each row of this rank among the distinct ones of all ranks, in their order.
 
-    The first column counts most; rows are all distinct. No rank gets more than about its share of them.
+    The first column counts most. No rank gets more than about its share of them, if few are equal there.
     """
     ordered = np.sort(columns[0])
     samples = ordered[np.arange(_SAMPLES) * len(ordered) // _SAMPLES] if len(ordered) else ordered
     samples = np.sort(np.concatenate(comm.allgather(samples)))
+    if not len(samples):
+        return np.empty(0, dtype=np.int64)
     cuts = samples[np.arange(1, comm.size) * len(samples) // comm.size]
     to = np.searchsorted(cuts, columns[0], side="right")
     there = np.argsort(to, kind="stable")
@@ -63,8 +65,12 @@ def places(comm: Any, *columns: np.ndarray) -> np.ndarray:
     arrived = comm.alltoall([tuple(part[rank] for part in parts) for rank in range(comm.size)])
     rows = [np.concatenate(column) for column in zip(*arrived, strict=True)]
     order = np.lexsort(rows[::-1])
+    new = np.zeros(len(order), dtype=bool)
+    new[:1] = True
+    for row in rows:
+        new[1:] |= row[order[1:]] != row[order[:-1]]
     place = np.empty(len(order), dtype=np.int64)
-    place[order] = sum(comm.allgather(len(order))[: comm.rank]) + np.arange(len(order), dtype=np.int64)
+    place[order] = sum(comm.allgather(int(new.sum()))[: comm.rank]) + np.cumsum(new) - 1
     counts = np.cumsum([len(part[0]) for part in arrived])
     result = np.empty(len(there), dtype=np.int64)
     result[there] = np.concatenate(comm.alltoall(np.split(place, counts[:-1])))

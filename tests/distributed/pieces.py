@@ -10,6 +10,7 @@ import pytest
 from mpi4py import MPI
 
 import dvr_cli
+from dvr_cli.api import distributed
 from dvr_cli.distributed import parts
 from dvr_cli.errors import InputError, UsageError
 from meshes import boxes_of, random_mesh, random_tensors, tangled
@@ -73,6 +74,17 @@ def fails(kind, text, *arguments, **options):
         dvr_cli.smooth_distributed(COMM, *arguments, **options)
 
 
+def agree_in_shares(mesh, seed, **options):
+    """The same where no rank gathers the whole."""
+    usual, distributed.gathered = distributed.gathered, not_gathered
+    agree(mesh, seed, **options)
+    distributed.gathered = usual
+
+
+def not_gathered(*arguments):
+    raise AssertionError("a rank gathers the whole mesh")
+
+
 SWEEPS = {"directions": "random,steepest", "max_iterations": 2, "tol": 0.0}
 
 
@@ -80,6 +92,7 @@ def few():
     agree(random_mesh("mixed3d", 1, noise=0.4), 2, **SWEEPS)
     agree(random_mesh("triangle", 4, noise=0.45), 5, patches=True, max_iterations=2)
     assert agree(layered(), 7, max_iterations=1).shape.kept > 0
+    agree_in_shares(random_mesh("tetra", 1, n=4, noise=0.25), 3, patches=True, max_iterations=2)
     errors()
 
 
@@ -89,6 +102,9 @@ def main():
     agree(random_mesh("tetra", 1, noise=0.4), 3, boundary="slide", max_iterations=3)
     agree(random_mesh("triangle", 4, noise=0.45), 5, patches=True, max_iterations=4)
     agree(random_mesh("triangle", 1), 1, **SWEEPS, order="natural")
+    mesh = random_mesh("tetra", 1, n=5, noise=0.25)
+    agree_in_shares(mesh, 2, **SWEEPS)
+    agree_in_shares(mesh, 3, patches=True, max_iterations=4)
     agree(tangled("triangle", 4, 0.9, 1), 6, untangle=True, max_iterations=2)
     assert agree(layered(), 7, max_iterations=2).shape.kept > 0
     mesh = random_mesh("triangle", 8)
@@ -142,13 +158,13 @@ def by_metis(problem, ranks):
 
 def without_ids_of_cells():
     """Cells come by type then, and in the order of their vertices."""
-    mesh = random_mesh("triangle", 1, noise=0.4)
-    for seed in (1, 2):
+    for seed, name, noise in (1, "triangle", 0.4), (2, "triangle", 0.4), (3, "tetra", 0.25):
+        mesh = random_mesh(name, 1, noise=noise)
         points, cells, vertices, _ = pieces_of(mesh, seed)
         moved, _ = dvr_cli.smooth_distributed(COMM, points, cells, vertices, **SWEEPS, **ENGINE)
         rows = mesh.cells[0].vertices
         order = np.lexsort(np.sort(rows, axis=1).T[::-1])
-        expected, _ = dvr_cli.smooth(mesh.points, {"triangle": rows[order]}, **SWEEPS, **ENGINE)
+        expected, _ = dvr_cli.smooth(mesh.points, {name: rows[order]}, **SWEEPS, **ENGINE)
         assert moved.tobytes() == expected[vertices].tobytes()
 
 
