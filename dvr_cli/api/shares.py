@@ -137,7 +137,7 @@ def smooth_shares(comm: Any, task: Task, hooks: Hooks | None = None) -> SmoothRe
 
 
 class Smoothed(NamedTuple):
-    """What has come of a store: the report, and where the vertices are that this rank owns.
+    """The result for a store: the report, and where the vertices are that this rank owns.
 
     vertices: (n,) the index of these in the whole, and points: (n, 3).
     """

@@ -19,7 +19,7 @@ from dvr_cli.mesh.cell_types import CELL_TYPES
 
 @dataclass(frozen=True, eq=False)
 class Dealt:
-    """What a rank has of a mesh that was dealt out.
+    """The share that a rank has of a mesh that was dealt out.
 
     store: its share. count: of the cells of the whole. index: (n,) of each vertex of its piece in the whole.
     points: (k, 3) of its range of vertices in the order of the whole, see ``rows.bounds``.
