@@ -162,8 +162,9 @@ def bound_of(domain: Domain, max_deviation: float | None) -> float:
     """The distance the boundary may come from the input's; None for the usual part of the diagonal."""
     if max_deviation is not None:
         return max_deviation
-    used = domain.points[domain.corners.vertices.ravel()]
-    return _USUAL_DEVIATION * float(np.linalg.norm(np.ptp(used, axis=0)))
+    used = np.zeros(len(domain.points), dtype=bool)
+    used[domain.corners.vertices] = True
+    return _USUAL_DEVIATION * float(np.linalg.norm(np.ptp(domain.points[used], axis=0)))
 
 
 def change_of(domain: Domain, points: np.ndarray, deviation: float, bound: float) -> BoundaryChange:

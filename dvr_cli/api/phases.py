@@ -69,6 +69,7 @@ class Run:
         self._unpolished: tuple[State, int] | None = None
         self._begin: np.ndarray | None = None
         self._mean = 0.0  # at that place
+        self._qualities: np.ndarray | None = None  # of the engine's corners there
         self.level: float | None = (
             options.stopping.target if options.is_free and moves.parts is None else None
         )
@@ -93,7 +94,8 @@ class Run:
 
         hooks = self._on_sweep, self._interrupted
         self._load()
-        descent = descend(self._engine, self._remaining(), *hooks)
+        descent = descend(self._engine, self._remaining(), *hooks, self._qualities)
+        self._qualities = None
         self._take_over(descent.outcome)
         ended = descent.outcome.stopped_because
         self.phases.append(PolishPhase("descent", len(descent.outcome.sweeps), ended, descent.floor))
@@ -133,7 +135,8 @@ class Run:
             if self._options.keeps_altitude:
                 self._engine.keep_altitude(altitude_bound(self._domain, self.points, self._rounding))
             if self._options.takes_polish and self._engine.batches:
-                self._mean = self._engine.mean(self._engine.qualities())
+                self._qualities = self._engine.qualities()
+                self._mean = self._engine.mean(self._qualities)
 
     def relax_patches(self) -> None:
         """Move the surroundings of the worst elements jointly."""
@@ -172,7 +175,7 @@ class Run:
             sweeps += len(outcome.sweeps)
             if aim.by_ring and not outcome.stopped_because.cuts_short:
                 self._take_over(outcome)
-                outcome = self._raise_mean(floor, outcome.stopped_because)
+                outcome = self._raise_mean(floor, outcome)
                 sweeps += len(outcome.sweeps)
             if not (aim.by_ring and self._costs_mean(outcome)):
                 break
@@ -188,22 +191,24 @@ class Run:
         self.phases.append(PolishPhase("polish", sweeps, ended, floor))
         self.stopped_because = reason
 
-    def _raise_mean(self, level: float, reason: StopReason) -> Relaxation:
+    def _raise_mean(self, level: float, polished: Relaxation) -> Relaxation:
         """One more sweep of polishing, for the mean alone: what is not among the worst elements stays so.
 
-        level: of care. reason: for which polishing had ended, and ends, unless this is cut short.
+        level: of care. polished: how polishing had ended, and ends, unless this is cut short.
         """
-        floor = max(level, self._engine.level(self._engine.qualities(), _KEPT, 0))
+        qualities = polished.of_corners(self._engine)
+        floor = max(level, self._engine.level(qualities, _KEPT, 0))
         remaining, hooks = self._remaining(), (self._on_sweep, self._interrupted)
         once = replace(remaining, max_iterations=min(1, remaining.max_iterations))
         aim = Aim(relative=True, by_ring=True)
-        last = polish(self._engine, floor, once, len(self.sweeps), *hooks, aim=aim)
-        return last if last.stopped_because.cuts_short else replace(last, stopped_because=reason)
+        last = polish(self._engine, floor, once, len(self.sweeps), *hooks, aim=aim, qualities=qualities)
+        cut = last.stopped_because.cuts_short
+        return last if cut else replace(last, stopped_because=polished.stopped_because)
 
     def _costs_mean(self, outcome: Relaxation) -> bool:
         """True if a phase that came to its end leaves a lower mean than there was at the beginning."""
-        engine = self._engine
-        return not outcome.stopped_because.cuts_short and engine.mean(engine.qualities()) < self._mean
+        cut, engine = outcome.stopped_because.cuts_short, self._engine
+        return not cut and engine.mean(outcome.of_corners(engine)) < self._mean
 
     @property
     def polished(self) -> bool:

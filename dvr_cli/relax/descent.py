@@ -53,35 +53,41 @@ def descend(
     stopping: Stopping,
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
+    qualities: np.ndarray | None = None,
 ) -> Descent:
-    """Lower the price from where the engine is; see ``sweeps.relax`` for the other arguments.
+    """Lower the price from where the engine is; see ``sweeps.polish`` for the other arguments.
 
     No quality falls below the Q1 of the start. Should the quality vector fall, the descent is undone.
     """
     start = engine.state()
-    floor, before = engine.q1(), engine.ring_qualities()
+    floor = engine.q1()
+    qualities = engine.qualities() if qualities is None else qualities
+    before = engine.ring_qualities(qualities)
     hooks = on_sweep, interrupted
     if engine.problem.is_surface:
         slower = replace(stopping, tol=_GROWTH * stopping.tol)
-        outcome = polish(engine, floor, slower, 0, *hooks, _aim_on_surface, Work(_PHASE, measure=_low_end))
+        work = Work(_PHASE, measure=_low_end)
+        outcome = polish(engine, floor, slower, 0, *hooks, _aim_on_surface, work, qualities)
         outcome = _kept(engine, outcome, start, before)
-        level = engine.level(engine.qualities())
+        level = engine.level(outcome.of_corners(engine))
         return Descent(outcome, floor, level if level > 0.0 else None, None)
-    outcome = polish(engine, floor, stopping, 0, *hooks, work=Work(_PHASE, foresees=True))
-    dear = engine.level(engine.qualities(), _DEAR)
+    work = Work(_PHASE, foresees=True)
+    outcome = polish(engine, floor, stopping, 0, *hooks, work=work, qualities=qualities)
+    dear = engine.level(outcome.of_corners(engine), _DEAR)
     if not outcome.stopped_because.cuts_short and dear > 0.0:
         done, aim = len(outcome.sweeps), Aim(dear, relative=True)
         rest = stopping.less(sum(sweep.seconds for sweep in outcome.sweeps))
-        low = polish(engine, floor, rest, done, *hooks, aim, Work(_PHASE, _NEAR * dear, _low_end))
-        outcome = Relaxation(low.points, outcome.sweeps + low.sweeps, low.stopped_because)
+        work = Work(_PHASE, _NEAR * dear, _low_end)
+        low = polish(engine, floor, rest, done, *hooks, aim, work, outcome.qualities)
+        outcome = replace(low, sweeps=outcome.sweeps + low.sweeps)
     outcome = _kept(engine, outcome, start, before)
-    level = engine.level(engine.qualities())
+    level = engine.level(outcome.of_corners(engine))
     return Descent(outcome, floor, *((level, dear) if level > 0.0 else (None, None)))
 
 
 def _kept(engine: Engine, outcome: Relaxation, start: State, before: np.ndarray) -> Relaxation:
     """``outcome``, undone if the quality vector is below ``before`` (m,); start: where all was then."""
-    if engine.is_at_least(engine.ring_qualities(), before):
+    if engine.is_at_least(engine.ring_qualities(outcome.of_corners(engine)), before):
         return outcome
     engine.restore(start)
     cut = outcome.stopped_because

@@ -39,11 +39,19 @@ class Sweep:
 
 @dataclass(frozen=True, eq=False)
 class Relaxation:
-    """The result of a phase: coordinates (N, d), the sweeps done, why they stopped."""
+    """The result of a phase: coordinates (N, d), the sweeps done, why they stopped.
+
+    qualities: (C,) of the engine's corners there, if they are known.
+    """
 
     points: np.ndarray
     sweeps: list[Sweep]
     stopped_because: StopReason
+    qualities: np.ndarray | None = None
+
+    def of_corners(self, engine: Engine) -> np.ndarray:
+        """``qualities``, those where the engine is if none are known."""
+        return engine.qualities() if self.qualities is None else self.qualities
 
 
 def relax(
@@ -135,6 +143,7 @@ def polish(
     interrupted: Callable[[], bool] = lambda: False,
     aim: Aim | Callable[[np.ndarray], Aim] = PLAIN,
     work: Work = _POLISHING,
+    qualities: np.ndarray | None = None,
 ) -> Relaxation:
     """Raise the mean quality from where the engine is, with no quality that is above the floor falling below.
 
@@ -143,11 +152,12 @@ def polish(
     ``work`` grows by less than ``stopping.tol`` in a sweep (or would in the next, see ``Work``), and after
     its max_iterations and time_limit. done: how many sweeps came before. on_sweep, interrupted: see
     ``relax``. aim: the price, and whether the floor is one for all, or what says that in each sweep for the
-    qualities (C,) reached.
+    qualities (C,) reached. qualities: (C,) where the engine is, if they are known.
     """
     limit = badness_of(floor, engine.problem.dimension)
     start = time.perf_counter()
-    qualities = engine.qualities()
+    if qualities is None:
+        qualities = engine.qualities()
     reached, growth = work.reached(engine, qualities, engine.mean(qualities)), 0.0
     sweeps: list[Sweep] = []
     while len(sweeps) < stopping.max_iterations:
@@ -172,8 +182,8 @@ def polish(
         previous, growth = growth, reached - before
         falls = work.foresees and 0.0 < growth < previous
         if (growth * growth / previous if falls else growth) < stopping.tol:
-            return Relaxation(engine.points, sweeps, StopReason.CONVERGED)
-    return Relaxation(engine.points, sweeps, StopReason.MAX_ITERATIONS)
+            return Relaxation(engine.points, sweeps, StopReason.CONVERGED, qualities)
+    return Relaxation(engine.points, sweeps, StopReason.MAX_ITERATIONS, qualities)
 
 
 def cut_short(start: float, stopping: Stopping, interrupted: Callable[[], bool]) -> StopReason | None:
