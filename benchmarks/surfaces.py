@@ -149,7 +149,7 @@ def _steepest(engine: Engine) -> list[_Update]:
 
 def _polishing(engine: Engine) -> list[_Update]:
     limit = badness_of(engine.q1(), engine.problem.dimension)
-    return [lambda batch: engine.polish_batch(batch, engine.mean_ascent(batch), limit)] * _SWEEPS
+    return [lambda batch: engine.polish_batch(batch, limit)] * _SWEEPS
 
 
 def _part(mesh: Mesh) -> Iterator[list[object]]:

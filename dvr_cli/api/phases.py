@@ -21,7 +21,7 @@ from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.phases import Phase, PolishPhase
 from dvr_cli.relax.polish import PLAIN, Aim
 from dvr_cli.relax.stopping import Stopping, StopReason
-from dvr_cli.relax.sweeps import Relaxation, Sweep, polish, relax
+from dvr_cli.relax.sweeps import Relaxation, Sweep, Work, polish, relax
 from dvr_cli.report.records import BoundaryChange
 
 if TYPE_CHECKING:
@@ -201,7 +201,8 @@ class Run:
         remaining, hooks = self._remaining(), (self._on_sweep, self._interrupted)
         once = replace(remaining, max_iterations=min(1, remaining.max_iterations))
         aim = Aim(relative=True, by_ring=True)
-        last = polish(self._engine, floor, once, len(self.sweeps), *hooks, aim=aim, qualities=qualities)
+        work = Work(known=qualities)
+        last = polish(self._engine, floor, once, len(self.sweeps), *hooks, aim=aim, work=work)
         cut = last.stopped_because.cuts_short
         return last if cut else replace(last, stopped_because=polished.stopped_because)
 

@@ -146,17 +146,13 @@ class LeadEngine(Engine):
         self._send("directions", directions)
         return self._moving("relax", batch, enough)
 
-    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float, aim: Aim) -> int:
-        self._send("directions", directions)
+    def _polish(self, batch: int, lo: int, hi: int, limit: float, aim: Aim, active: np.ndarray) -> int:
+        self._send("active", active)
         return self._moving("polish", batch, limit, aim)
 
     def _steepest(self, batch: int, lo: int, hi: int, band: float, active: np.ndarray) -> None:
         self._send("active", active)
         self._found_there("find steepest", batch, band)
-
-    def _mean_ascent(self, batch: int, lo: int, hi: int, aim: Aim, active: np.ndarray) -> None:
-        self._send("active", active)
-        self._found_there("find mean ascent", batch, aim)
 
     def _worst_corner(self) -> tuple[int, float]:
         badness, corner, _ = self._worst()

@@ -42,7 +42,6 @@ class Member:
             "move": self._move,
             "find directions": self._find_directions,
             "find steepest": self._find_steepest,
-            "find mean ascent": self._find_mean_ascent,
             "polish": self._polish,
             "solve patches": self._solve_patches,
             "give coordinates": lambda: self._comm.gather(self.engine.relaxed_points, LEAD),
@@ -83,11 +82,8 @@ class Member:
     def _find_steepest(self, batch: int, band: float) -> None:
         self._directions = self.engine.steepest(batch, band, self._active)
 
-    def _find_mean_ascent(self, batch: int, aim: Aim) -> None:
-        self._directions = self.engine.mean_ascent(batch, aim, self._active)
-
     def _polish(self, batch: int, limit: float, aim: Aim) -> int | None:
-        return self._moved(batch, self.engine.polish_batch(batch, self._directions, limit, aim))
+        return self._moved(batch, self.engine.polish_batch(batch, limit, aim, self._active))
 
     def _solve_patches(self, each: list[list[Alone]] | None = None) -> list[list[Solved]] | None:
         """Solve the patches that the leading rank gives to each rank."""

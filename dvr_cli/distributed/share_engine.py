@@ -143,14 +143,11 @@ class ShareEngine(Engine):
     def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray, enough: float) -> int:
         return self._followed(batch, self._member.engine.relax_batch(batch, directions, enough))
 
-    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float, aim: Aim) -> int:
-        return self._followed(batch, self._member.engine.polish_batch(batch, directions, limit, aim))
+    def _polish(self, batch: int, lo: int, hi: int, limit: float, aim: Aim, active: np.ndarray) -> int:
+        return self._followed(batch, self._member.engine.polish_batch(batch, limit, aim, active))
 
     def _steepest(self, batch: int, lo: int, hi: int, band: float, active: np.ndarray) -> None:
         self._directions = self._member.engine.steepest(batch, band, active)
-
-    def _mean_ascent(self, batch: int, lo: int, hi: int, aim: Aim, active: np.ndarray) -> None:
-        self._directions = self._member.engine.mean_ascent(batch, aim, active)
 
     def _worst_corner(self) -> tuple[int, float]:
         badness, corner, _ = self._member.engine.worst()

@@ -16,13 +16,14 @@ from dvr_cli.relax.problem import RingArrays
 # vertices (three rows each, also in 2D), the normal of the facet they span, the corner's line, its badness;
 # then the row of the shape table that stands in the column, and its numbers; last some gradients, gathered in
 # the first columns, their products with a vector and their weights, and v^(-2/d); L of the shape table's
-# row, where it has one. Loops over such rows without branches are what the compiler turns into vector
-# instructions.
+# row, where it has one; the terms of some sums. Loops over such rows without branches are what the compiler
+# turns into vector instructions.
 END, NORMAL, V0, V1, S0, S1, S2, BADNESS = 0, 9, 12, 13, 14, 15, 16, 17
 SHAPE, NORM, SLOPE, CURVATURE = 18, 19, 25, 28
 GRADIENT, ALONG, WEIGHT, POWER = 29, 32, 33, 34
 FACTOR = 35
-ROWS = 41
+TERM = 41
+ROWS = 50
 WIDTH = 8  # loops run over whole groups of columns; those beyond the ring hold leftovers nobody looks at
 
 
@@ -38,12 +39,7 @@ def set_ring(
     scratch: np.ndarray,
 ) -> int:
     """Lay out a ring and its lines along the direction (d0, d1, d2); returns how many corners it has."""
-    lo = rings.start[ring]
-    n = rings.start[ring + 1] - lo
-    for c in range(n):
-        k = rings.shapes[lo + c]
-        if scratch[SHAPE, c] != k:  # in most meshes all shapes are one and stay in place
-            _set_shape(scratch, c, k, rings)
+    n = _set_shapes(ring, rings, scratch)
     if PLANAR:
         _set_lines_2d(points, vertex, d0, d1, ring, rings, scratch)
     else:
@@ -54,10 +50,46 @@ def set_ring(
 
 
 @inlined
+def set_ring_in_place(
+    points: np.ndarray, vertex: int, ring: int, rings: RingArrays, scratch: np.ndarray
+) -> int:
+    """Lay out a ring without lines, which ``set_place`` is enough for; returns how many corners it has."""
+    n = _set_shapes(ring, rings, scratch)
+    if PLANAR:
+        _set_ends_2d(points, ring, rings, scratch)
+        for c in range(padded(n)):
+            scratch[NORMAL, c] = scratch[END + 4, c] - scratch[END + 1, c]
+            scratch[NORMAL + 1, c] = -(scratch[END + 3, c] - scratch[END, c])
+    else:
+        _set_ends_3d(points, ring, rings, scratch)
+        for c in range(padded(n)):
+            p0, p1, p2 = scratch[END, c], scratch[END + 1, c], scratch[END + 2, c]
+            a0, a1, a2 = scratch[END + 3, c] - p0, scratch[END + 4, c] - p1, scratch[END + 5, c] - p2
+            b0, b1, b2 = scratch[END + 6, c] - p0, scratch[END + 7, c] - p1, scratch[END + 8, c] - p2
+            scratch[NORMAL, c] = a1 * b2 - a2 * b1
+            scratch[NORMAL + 1, c] = a2 * b0 - a0 * b2
+            scratch[NORMAL + 2, c] = a0 * b1 - a1 * b0
+    set_place(points, vertex, n, scratch)
+    return n
+
+
+@inlined
+def _set_shapes(ring: int, rings: RingArrays, scratch: np.ndarray) -> int:
+    """Put the shapes of a ring into their columns; returns how many corners it has."""
+    lo = rings.start[ring]
+    n = rings.start[ring + 1] - lo
+    for c in range(n):
+        k = rings.shapes[lo + c]
+        if scratch[SHAPE, c] != k:  # in most meshes all shapes are one and stay in place
+            _set_shape(scratch, c, k, rings)
+    return n
+
+
+@inlined
 def set_place(points: np.ndarray, vertex: int, n: int, scratch: np.ndarray) -> None:
     """Put v0 and s0 of the vertex where it is now in the place of those of a ring that is laid out.
 
-    The others have not moved, and no edges are seen through L.
+    The others have not moved. The lines' other numbers are those of no direction in a metric, else as before.
     """
     x0, x1 = points[vertex, 0], points[vertex, 1]
     if PLANAR:
@@ -66,14 +98,18 @@ def set_place(points: np.ndarray, vertex: int, n: int, scratch: np.ndarray) -> N
             f0, f1 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1
             scratch[V0, c] = e0 * scratch[NORMAL, c] + e1 * scratch[NORMAL + 1, c]
             scratch[S0, c] = _norm_2d(e0, e1, f0, f1, scratch, c)
-        return
-    x2 = points[vertex, 2]
-    for c in range(padded(n)):
-        e0, e1, e2 = scratch[END, c] - x0, scratch[END + 1, c] - x1, scratch[END + 2, c] - x2
-        f0, f1, f2 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1, scratch[END + 5, c] - x2
-        g0, g1, g2 = scratch[END + 6, c] - x0, scratch[END + 7, c] - x1, scratch[END + 8, c] - x2
-        scratch[V0, c] = e0 * scratch[NORMAL, c] + e1 * scratch[NORMAL + 1, c] + e2 * scratch[NORMAL + 2, c]
-        scratch[S0, c] = _norm_3d((e0, e1, e2), (f0, f1, f2), (g0, g1, g2), scratch, c)
+    else:
+        x2 = points[vertex, 2]
+        for c in range(padded(n)):
+            e0, e1, e2 = scratch[END, c] - x0, scratch[END + 1, c] - x1, scratch[END + 2, c] - x2
+            f0, f1, f2 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1, scratch[END + 5, c] - x2
+            g0, g1, g2 = scratch[END + 6, c] - x0, scratch[END + 7, c] - x1, scratch[END + 8, c] - x2
+            scratch[V0, c] = (
+                e0 * scratch[NORMAL, c] + e1 * scratch[NORMAL + 1, c] + e2 * scratch[NORMAL + 2, c]
+            )
+            scratch[S0, c] = _norm_3d((e0, e1, e2), (f0, f1, f2), (g0, g1, g2), scratch, c)
+    if MEASURED:
+        _set_metric_norms(points, vertex, 0.0, 0.0, 0.0, n, scratch)
 
 
 @inlined
@@ -101,14 +137,10 @@ def _set_lines_2d(
     scratch: np.ndarray,
 ) -> None:
     """Coefficients of the lines of all corners of a ring; see ``line.coefficients``."""
-    others, lo = rings.others, rings.start[ring]
-    n = rings.start[ring + 1] - lo
+    n = rings.start[ring + 1] - rings.start[ring]
     x0, x1 = points[vertex, 0], points[vertex, 1]
     dd = d0 * d0 + d1 * d1
-    for c in range(n):
-        p, q = others[lo + c, 0], others[lo + c, 1]
-        scratch[END, c], scratch[END + 1, c] = points[p, 0], points[p, 1]
-        scratch[END + 3, c], scratch[END + 4, c] = points[q, 0], points[q, 1]
+    _set_ends_2d(points, ring, rings, scratch)
     for c in range(padded(n)):
         p0, p1 = scratch[END, c], scratch[END + 1, c]
         q0, q1 = scratch[END + 3, c], scratch[END + 4, c]
@@ -137,23 +169,10 @@ def _set_lines_3d(
     scratch: np.ndarray,
 ) -> None:
     """Coefficients of the lines of all corners of a ring; see ``line.coefficients``."""
-    others, lo = rings.others, rings.start[ring]
-    n = rings.start[ring + 1] - lo
+    n = rings.start[ring + 1] - rings.start[ring]
     x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2]
     dd = d0 * d0 + d1 * d1 + d2 * d2
-    for c in range(n):
-        p, q, r = others[lo + c, 0], others[lo + c, 1], others[lo + c, 2]
-        scratch[END, c], scratch[END + 1, c], scratch[END + 2, c] = points[p, 0], points[p, 1], points[p, 2]
-        scratch[END + 3, c], scratch[END + 4, c], scratch[END + 5, c] = (
-            points[q, 0],
-            points[q, 1],
-            points[q, 2],
-        )
-        scratch[END + 6, c], scratch[END + 7, c], scratch[END + 8, c] = (
-            points[r, 0],
-            points[r, 1],
-            points[r, 2],
-        )
+    _set_ends_3d(points, ring, rings, scratch)
     for c in range(padded(n)):
         p0, p1, p2 = scratch[END, c], scratch[END + 1, c], scratch[END + 2, c]
         q0, q1, q2 = scratch[END + 3, c], scratch[END + 4, c], scratch[END + 5, c]
@@ -175,6 +194,35 @@ def _set_lines_3d(
         scratch[S0, c] = _norm_3d((e0, e1, e2), (f0, f1, f2), (g0, g1, g2), scratch, c)
         scratch[S1, c] = -along
         scratch[S2, c] = scratch[CURVATURE, c] * dd
+
+
+@inlined
+def _set_ends_2d(points: np.ndarray, ring: int, rings: RingArrays, scratch: np.ndarray) -> None:
+    """Put the coordinates of the other vertices of a ring's corners into their columns."""
+    others, lo = rings.others, rings.start[ring]
+    for c in range(rings.start[ring + 1] - lo):
+        p, q = others[lo + c, 0], others[lo + c, 1]
+        scratch[END, c], scratch[END + 1, c] = points[p, 0], points[p, 1]
+        scratch[END + 3, c], scratch[END + 4, c] = points[q, 0], points[q, 1]
+
+
+@inlined
+def _set_ends_3d(points: np.ndarray, ring: int, rings: RingArrays, scratch: np.ndarray) -> None:
+    """As ``_set_ends_2d``, in space."""
+    others, lo = rings.others, rings.start[ring]
+    for c in range(rings.start[ring + 1] - lo):
+        p, q, r = others[lo + c, 0], others[lo + c, 1], others[lo + c, 2]
+        scratch[END, c], scratch[END + 1, c], scratch[END + 2, c] = points[p, 0], points[p, 1], points[p, 2]
+        scratch[END + 3, c], scratch[END + 4, c], scratch[END + 5, c] = (
+            points[q, 0],
+            points[q, 1],
+            points[q, 2],
+        )
+        scratch[END + 6, c], scratch[END + 7, c], scratch[END + 8, c] = (
+            points[r, 0],
+            points[r, 1],
+            points[r, 2],
+        )
 
 
 @inlined

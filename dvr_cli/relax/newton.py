@@ -1,4 +1,4 @@
-"""Newton's direction: the way to the lowest price of a ring as its second derivatives see it.
+"""Newton's step: the way to the lowest price of a ring as its second derivatives see it.
 
 With g the gradient of the price in the position of the ring's vertex, and H its second derivatives, that is
 -H⁻¹ g, within the vertex's line or plane. Be x = 1/Q = s u of a corner, u = v^(-2/d) and q = 2/d (as in
@@ -9,6 +9,9 @@ With g the gradient of the price in the position of the ring's vertex, and H its
 and the derivatives of its price are (w + r) ∇x and (w + r) ∇²x + 16 r / x ∇x ∇xᵀ, with r = (L x)^16. G is the
 unit matrix, or LᵀL of a metric. The price is convex, so H has no negative eigenvalues. To the lowest price of
 the ring it is nearly straight along this direction, where steepest descent would go to and fro.
+
+The whole step is taken where the price falls by half of what the derivatives promise, or more, and the floor
+is kept. Else the vertex goes to the lowest price on that line (``polish.lowest_price``).
 """
 
 from __future__ import annotations
@@ -19,12 +22,27 @@ from typing import NamedTuple
 import numpy as np
 
 from dvr_cli.mesh.simplex import Components, back_through, dot, opposite_normal, subtract, through
-from dvr_cli.quality.badness import badness
 from dvr_cli.quality.mean_ratio import weighted_norm
-from dvr_cli.relax.polish import SQUARINGS, Aim, inverse_power, rise, sum_of_columns, weight
+from dvr_cli.relax.polish import SQUARINGS, Aim, inverse_power, rise, sum_of_columns
 
 # the entries of H that are computed
 _PAIRS = {2: ((0, 0), (0, 1), (1, 1)), 3: ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))}
+FALL = 0.25  # times the slope along the step: the least by which the price falls with the whole of it
+
+
+class RingCorners(NamedTuple):
+    """The corners of n rings, (K, n) each: their edges and facets' normals by component, v and s."""
+
+    edges: list[list[np.ndarray]]
+    normal: list[np.ndarray]
+    v: np.ndarray
+    s: np.ndarray
+
+
+def corners_at(x: Components, ends: Sequence[Components], shapes: Shapes) -> RingCorners:
+    """The corners of rings with their vertices at x; the arguments are as for ``line.coefficients``."""
+    edges, normal = [subtract(end, x) for end in ends], opposite_normal(ends)
+    return RingCorners(edges, normal, dot(edges[0], normal), weighted_norm(edges, shapes.norm, shapes.factor))
 
 
 class Shapes(NamedTuple):
@@ -37,42 +55,29 @@ class Shapes(NamedTuple):
 
 
 def newton(
-    x: Components,
-    ends: Sequence[Components],
+    corners: RingCorners,
     shapes: Shapes,
     within: tuple[np.ndarray, Components] | None,
     real: np.ndarray,
+    weights: np.ndarray,
     aim: Aim,
-) -> list[np.ndarray]:
-    """Newton's directions of n rings, as unit vectors.
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """Newton's steps of n rings, d components (n,), and the slopes of their prices along them, (n,).
 
-    The arguments are as for ``line.coefficients`` and ``steepest``; real, aim: see ``polish``. Zero where
-    the price does not fall along them, and where a corner is not positive.
+    within: lines and planes, see ``steepest``. real, aim: see ``polish``; weights: (K, n), of the corners.
+    Without meaning where a corner is not positive.
     """
-    d = len(x)
-    edges = [subtract(end, x) for end in ends]
-    normal = opposite_normal(ends)
-    v, s = dot(edges[0], normal), weighted_norm(edges, shapes.norm, shapes.factor)
-    with np.errstate(all="ignore"):  # what is not finite is found at the end
-        positive = badness(v, s, d).max(axis=0) < np.inf
-        terms = _terms(edges, normal, v, s, shapes, aim)
+    d = len(corners.normal)
+    with np.errstate(all="ignore"):  # what is not finite the slope shows
+        terms = _terms(corners, shapes, weights, aim)
         sums = [0.0 + sum_of_columns(term, real) for term in terms]  # no negative zeros
         way = _solved(sums[:d], sums[d:], within)
-        length, falls = dot(way, way), dot(way, sums[:d]) < 0.0
-        root = np.sqrt(length)
-        usable = positive & falls & (length > 0.0) & (length < np.inf)
-        return [np.where(usable, w / root, 0.0) for w in way]
+        return way, dot(way, sums[:d])
 
 
-def _terms(
-    edges: Sequence[Components],
-    normal: Components,
-    v: np.ndarray,
-    s: np.ndarray,
-    shapes: Shapes,
-    aim: Aim,
-) -> list[np.ndarray]:
+def _terms(corners: RingCorners, shapes: Shapes, weights: np.ndarray, aim: Aim) -> list[np.ndarray]:
     """The parts of the corners in g and H, (K, n) each: d components and the d (d + 1) / 2 of ``_PAIRS``."""
+    edges, normal, v, s = corners
     d, factor = len(edges), shapes.factor
     q = 2.0 / d
     pull = [_along(shapes.slope, [edge[i] for edge in edges]) for i in range(d)]
@@ -81,7 +86,7 @@ def _terms(
     u = 1.0 / v if d == 2 else inverse_power(v)
     inverse = s * u
     steep = rise(inverse, aim)
-    part = (weight(inverse, aim) + steep) * u
+    part = (weights + steep) * u
     more = 2.0**SQUARINGS * steep / inverse * u * u
     over = 1.0 / v
     away = [n * over for n in normal]
@@ -116,20 +121,29 @@ def _squares(d: int, factor: Sequence[np.ndarray] | None) -> list[np.ndarray]:
 def _solved(
     g: Components, h: Sequence[np.ndarray], within: tuple[np.ndarray, Components] | None
 ) -> list[np.ndarray]:
-    """-H⁻¹ g times a positive number, within lines and planes: d components (n,)."""
+    """-H⁻¹ g within lines and planes: d components (n,)."""
     trace = h[0] + h[2] if len(g) == 2 else h[0] + h[3] + h[5]
     h = [entry / trace for entry in h]
     adjugate = _adjugate(h)
-    way = [-w for w in _times(adjugate, g)]
+    if len(g) == 2:
+        whole = (h[0] * h[2] - h[1] * h[1]) * trace
+    else:
+        whole = (h[0] * adjugate[0] + h[1] * adjugate[1] + h[2] * adjugate[2]) * trace
+    way = [-w / whole for w in _times(adjugate, g)]
     if within is None:
         return way
     on_line, axis = within
+    along = -dot(g, axis) / (dot(_times(h, axis), axis) * trace)
     across = _times(adjugate, axis)
     share = dot(way, axis) / dot(across, axis)
-    along = -dot(g, axis)
+    inside = [w - share * z for w, z in zip(way, across, strict=True)]
+    for _ in range(2):  # what is left across a plane is rounding
+        left = dot(inside, axis)
+        inside = [w - left * t for w, t in zip(inside, axis, strict=True)]
+    in_plane = dot(axis, axis) > 0.0
     return [
-        np.where(on_line, along * t, np.where(dot(axis, axis) > 0.0, w - share * z, w))
-        for t, w, z in zip(axis, way, across, strict=True)
+        np.where(on_line, along * t, np.where(in_plane, i, w))
+        for t, i, w in zip(axis, inside, way, strict=True)
     ]
 
 

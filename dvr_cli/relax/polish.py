@@ -70,6 +70,11 @@ def weight(x: np.ndarray, aim: Aim) -> np.ndarray:
     return 1.0 / (x * x) if aim.relative else np.ones_like(x)
 
 
+def weights_at(v: np.ndarray, s: np.ndarray, aim: Aim, dimension: int) -> np.ndarray:
+    """w of corners with positive v."""
+    return weight(_inverses(v, s, dimension), aim)
+
+
 def rise(x: np.ndarray, aim: Aim) -> np.ndarray:
     """(L x)^16: the slope of the price in x beyond w."""
     power = aim.level * x
@@ -100,7 +105,7 @@ def lowest_price(
         positive = largest < np.inf
         floor = np.maximum(largest, limit) if aim.by_ring else np.full(len(largest), limit)
         if weights is None:
-            weights = weight(_inverses(lines.v0, lines.s0, lines.dimension), aim)
+            weights = weights_at(lines.v0, lines.s0, aim, lines.dimension)
         now = price(lines.v0, lines.s0, real, weights, aim, lines.dimension)
         step = np.zeros(len(now))
         active = np.flatnonzero(positive)

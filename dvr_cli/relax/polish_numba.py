@@ -1,92 +1,33 @@
-"""Raising the mean quality compiled: the same operations in the same order as ``polish``."""
+"""The price of a ring along a line compiled: the same operations in the same order as ``polish``."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import MEASURED, PLANAR, compiled_by_kind, inlined
+from dvr_cli.jit import inlined
 from dvr_cli.relax.columns_numba import (
     BADNESS,
     POWER,
     S0,
     S1,
     S2,
-    SHAPE,
+    TERM,
     V0,
     V1,
     WEIGHT,
-    RingArrays,
-    set_place,
-    set_ring,
+    padded,
 )
 from dvr_cli.relax.line_numba import keeps_within, root, s_at, v_at, worst_corner
 from dvr_cli.relax.polish import CLOSE, CUBE_ROOT, INSIDE, MAX_CLIPS, MAX_STEPS, SQUARINGS, SUM_GAIN, Aim
 
 
-@compiled_by_kind
-def polish_rings(
-    points: np.ndarray,
-    directions: np.ndarray,
-    start: int,
-    stop: int,
-    rings: RingArrays,
-    limit: float,
-    aim: Aim,
-    scratch: np.ndarray,
-) -> int:
-    """Move the vertices of rings start .. stop, each to where the price is lowest above the floor.
-
-    limit: the badness at the floor. A vertex without a direction stays. The other arguments are as for
-    ``relax_rings``. Returns how many moved.
-    """
-    scratch[SHAPE] = -1.0
-    d = points.shape[1]
-    moved = 0
-    for ring in range(start, stop):
-        vertex = rings.vertices[ring]
-        d0, d1, d2 = directions[ring, 0], directions[ring, 1], directions[ring, 2] if d == 3 else 0.0
-        if d0 == 0.0 and d1 == 0.0 and d2 == 0.0:
-            continue
-        n = set_ring(points, vertex, d0, d1, d2, ring, rings, scratch)
-        largest = scratch[BADNESS, worst_corner(scratch, n, 0.0, d)]
-        if largest == np.inf:
-            continue
-        floor = max(largest, limit) if aim.by_ring else limit
-        _set_powers(scratch, n, d, 0.0)
-        for c in range(n):
-            scratch[WEIGHT, c] = weight(scratch[S0, c] * scratch[POWER, c], aim)
-        before = _sum(scratch, n, aim)
-        step = _clip(scratch, n, d, aim.stretch * _bottom(scratch, n, d, aim), floor)
-        if step == 0.0:
-            continue
-        x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2] if d == 3 else 0.0
-        _put(points, vertex, x0 + step * d0, x1 + step * d1, x2 + step * d2)
-        if MEASURED:
-            set_ring(points, vertex, 0.0, 0.0, 0.0, ring, rings, scratch)
-        else:
-            set_place(points, vertex, n, scratch)
-        largest = scratch[BADNESS, worst_corner(scratch, n, 0.0, d)]
-        if _keeps(before, _price(scratch, n, d, aim), largest, floor, d):
-            moved += 1
-        else:
-            _put(points, vertex, x0, x1, x2)
-    return moved
-
-
 @inlined
-def _put(points: np.ndarray, vertex: int, x0: float, x1: float, x2: float) -> None:
-    points[vertex, 0], points[vertex, 1] = x0, x1
-    if not PLANAR:
-        points[vertex, 2] = x2
-
-
-@inlined
-def _keeps(before: float, after: float, largest: float, limit: float, d: int) -> bool:
+def keeps(before: float, after: float, largest: float, limit: float, d: int) -> bool:
     return keeps_within(largest, limit, d) and after < before * (1.0 - SUM_GAIN)
 
 
 @inlined
-def _set_powers(lines: np.ndarray, n: int, d: int, at: float) -> None:
+def set_powers(lines: np.ndarray, n: int, d: int, at: float) -> None:
     """v^(-2/d) of all corners at λ, into their row; see ``polish.inverse_power``."""
     if d == 2:
         for c in range(n):
@@ -121,24 +62,33 @@ def rise(x: float, aim: Aim) -> float:
 
 
 @inlined
-def _price(lines: np.ndarray, n: int, d: int, aim: Aim) -> float:
+def price(lines: np.ndarray, n: int, d: int, aim: Aim) -> float:
     """The price at λ = 0, with the weights in their row; puts the powers there in theirs."""
-    _set_powers(lines, n, d, 0.0)
-    return _sum(lines, n, aim)
+    set_powers(lines, n, d, 0.0)
+    return price_of_powers(lines, n, aim)
 
 
 @inlined
-def _sum(lines: np.ndarray, n: int, aim: Aim) -> float:
+def price_of_powers(lines: np.ndarray, n: int, aim: Aim) -> float:
     """The price at λ = 0, with the weights and the powers there in their rows."""
+    for c in range(padded(n)):
+        x = lines[S0, c] * lines[POWER, c]
+        lines[TERM, c] = lines[WEIGHT, c] * x + rise(x, aim) * x / (2.0**SQUARINGS + 1.0)
     total = 0.0
     for c in range(n):
-        x = lines[S0, c] * lines[POWER, c]
-        total = total + (lines[WEIGHT, c] * x + rise(x, aim) * x / (2.0**SQUARINGS + 1.0))
+        total = total + lines[TERM, c]
     return total
 
 
 @inlined
-def _bottom(lines: np.ndarray, n: int, d: int, aim: Aim) -> float:
+def set_weights(lines: np.ndarray, n: int, aim: Aim) -> None:
+    """The weights of all corners where they are, into their row, with the powers in theirs."""
+    for c in range(n):
+        lines[WEIGHT, c] = weight(lines[S0, c] * lines[POWER, c], aim)
+
+
+@inlined
+def bottom(lines: np.ndarray, n: int, d: int, aim: Aim) -> float:
     """See ``polish._bottom``; the powers at λ = 0 are in their row."""
     low, high = -np.inf, np.inf
     for c in range(n):
@@ -160,7 +110,7 @@ def _bottom(lines: np.ndarray, n: int, d: int, aim: Aim) -> float:
         at = newton if low < newton < high else 0.5 * (low + high)
         if not abs(at - before) > CLOSE * abs(at):
             break
-        _set_powers(lines, n, d, at)
+        set_powers(lines, n, d, at)
     return at
 
 
@@ -176,14 +126,14 @@ def _derivatives(lines: np.ndarray, n: int, d: int, at: float, aim: Aim) -> tupl
         first = u * (ds - q * s * r)
         second = u * (2.0 * s2 - 2.0 * q * ds * r + q * (q + 1.0) * s * r * r)
         x = s * u
-        price, steep = lines[WEIGHT, c], rise(x, aim)
-        slope = slope + (price + steep) * first
-        curvature = curvature + ((price + steep) * second + 2.0**SQUARINGS * steep / x * first * first)
+        share, steep = lines[WEIGHT, c], rise(x, aim)
+        slope = slope + (share + steep) * first
+        curvature = curvature + ((share + steep) * second + 2.0**SQUARINGS * steep / x * first * first)
     return slope, curvature
 
 
 @inlined
-def _clip(lines: np.ndarray, n: int, d: int, at: float, limit: float) -> float:
+def clip(lines: np.ndarray, n: int, d: int, at: float, limit: float) -> float:
     aim = limit * (1.0 - INSIDE)
     rate = aim if d == 2 else np.sqrt(aim)
     for _ in range(MAX_CLIPS):

@@ -118,13 +118,14 @@ class Work(NamedTuple):
     phase: its name in the sweeps. below: only rings with a worse quality are visited. measure: what of an
     engine's qualities of corners has to grow, None for their mean. foresees: whether the phase ends already
     where the next sweep would let it grow too little, if its growth fell by as much again as it did in the
-    last.
+    last. known: (C,) the qualities of corners where it begins, if they are known.
     """
 
     phase: str = "polish"
     below: float = np.inf
     measure: Callable[[Engine, np.ndarray], float] | None = None
     foresees: bool = False
+    known: np.ndarray | None = None
 
     def reached(self, engine: Engine, qualities: np.ndarray, mean: float) -> float:
         """The measure of the qualities (C,) reached, whose mean is known."""
@@ -143,21 +144,19 @@ def polish(
     interrupted: Callable[[], bool] = lambda: False,
     aim: Aim | Callable[[np.ndarray], Aim] = PLAIN,
     work: Work = _POLISHING,
-    qualities: np.ndarray | None = None,
 ) -> Relaxation:
     """Raise the mean quality from where the engine is, with no quality that is above the floor falling below.
 
-    Each vertex moves along Newton's direction (see ``newton``), or if it walks along that in which the price
-    of its ring (see ``polish``) falls fastest, to where the price is lowest. Stops when the measure of the
+    Each vertex moves by Newton's step (see ``newton``), or if it walks along the direction in which the price
+    of its ring (see ``polish``) falls fastest. Stops when the measure of the
     ``work`` grows by less than ``stopping.tol`` in a sweep (or would in the next, see ``Work``), and after
     its max_iterations and time_limit. done: how many sweeps came before. on_sweep, interrupted: see
     ``relax``. aim: the price, and whether the floor is one for all, or what says that in each sweep for the
-    qualities (C,) reached. qualities: (C,) where the engine is, if they are known.
+    qualities (C,) reached.
     """
     limit = badness_of(floor, engine.problem.dimension)
     start = time.perf_counter()
-    if qualities is None:
-        qualities = engine.qualities()
+    qualities = engine.qualities() if work.known is None else work.known
     reached, growth = work.reached(engine, qualities, engine.mean(qualities)), 0.0
     sweeps: list[Sweep] = []
     while len(sweeps) < stopping.max_iterations:
@@ -167,7 +166,7 @@ def polish(
         active = None if work.below == np.inf else engine.ring_qualities(qualities) < work.below
         for batch in range(engine.batches):
             engine.hand_over()
-            moved += engine.polish_batch(batch, engine.mean_ascent(batch, now, active), limit, now)
+            moved += engine.polish_batch(batch, limit, now, active)
             if (cut := cut_short(start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
         qualities, before = engine.qualities(), reached

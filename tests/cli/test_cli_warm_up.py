@@ -12,7 +12,7 @@ from needs import require
 
 # whether kernels are for meshes in a metric, where they are not only for those in none
 MEASURED = {"metric_norms": (True,)} | dict.fromkeys(
-    ("relax_rings", "polish_rings", "newton_directions", "worst_corner", "solve_patch"), (False, True)
+    ("relax_rings", "polish_rings", "worst_corner", "solve_patch"), (False, True)
 )
 
 

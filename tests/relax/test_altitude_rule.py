@@ -58,7 +58,7 @@ def moves(engine, generator):
             engine.move_batch(batch, way)
             yield
         for aim in aims:
-            engine.polish_batch(batch, engine.mean_ascent(batch, aim), 1e4, aim)
+            engine.polish_batch(batch, 1e4, aim)
             yield
 
 

@@ -58,8 +58,7 @@ def test_polishing_never_lowers_the_vector_below_the_level(kind, seed, noise, sh
     aim = Aim(level, relative, by_ring=True)
     for _ in range(2):
         for batch in range(engine.batches):
-            directions = engine.mean_ascent(batch, aim)
-            engine.polish_batch(batch, directions, badness(level, domain.dimension), aim)
+            engine.polish_batch(batch, badness(level, domain.dimension), aim)
             after = vector(engine, domain)
             differ = np.flatnonzero((after != before) & (np.minimum(after, before) < level))
             assert not len(differ) or after[differ[0]] > before[differ[0]]  # no tolerance
@@ -68,18 +67,24 @@ def test_polishing_never_lowers_the_vector_below_the_level(kind, seed, noise, sh
 
 @pytest.mark.parametrize("relative", [False, True])
 @pytest.mark.parametrize("kind", KINDS)
-def test_each_vertex_moves_to_the_lowest_price(kind, relative):
-    """By SciPy on the interval on which the ring is positive, with the price written down anew."""
+def test_each_vertex_moves_to_the_lowest_price_on_its_line(kind, relative, monkeypatch):
+    """Where no whole step is good enough.
+
+    By SciPy on the interval on which the ring is positive, with the price written down anew.
+    """
+    monkeypatch.setattr("dvr_cli.relax.engines.numpy_engine.FALL", np.inf)
     mesh = random_mesh(kind, 2, n=2 if kind != "triangle" else 3)
     engine, domain = loaded(mesh)
     cells = [(block.type, np.asarray(block.vertices)) for block in mesh.cells]
     lo, hi = engine.problem.batch_start[:2]
-    directions = np.random.default_rng(0).normal(size=(len(engine.problem.relaxed), domain.dimension))
     level = float(np.median(engine.qualities()))
-    engine.polish_batch(0, directions, np.inf, Aim(level, relative))
-    for row, vertex in enumerate(engine.problem.relaxed[lo:hi]):
+    engine.polish_batch(0, np.inf, Aim(level, relative))
+    reached = engine.points
+    moved = [vertex for vertex in engine.problem.relaxed[lo:hi] if (reached != domain.points)[vertex].any()]
+    assert moved
+    for vertex in moved:
         ring = oracle.ring_of(mesh.points, cells, vertex)
-        x, along = domain.points[vertex], directions[row]
+        x, along = domain.points[vertex], reached[vertex] - domain.points[vertex]
         weight = oracle.ring_qualities(ring, x, along, 0.0) ** 2 if relative else 1.0
 
         def price(quality, weight=weight):
@@ -97,7 +102,8 @@ def test_each_vertex_moves_to_the_lowest_price(kind, relative):
         start = price(oracle.ring_qualities(ring, x, along, 0.0))
         now = price(oracle.ring_qualities(ring, engine.points[vertex], along, 0.0))
         if start < 1e6 * best.fun:
-            assert now <= min(best.fun, start) * (1 + 1e-3)
+            # the steps end with one of a hundredth of the way
+            assert now <= min(best.fun, start) * (1 + 1e-3) or abs(best.x - 1) < 0.01
         else:  # Newton's method takes a sixteenth of the way at a time
             assert now < 1e-6 * start
 

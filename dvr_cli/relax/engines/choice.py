@@ -30,8 +30,7 @@ _KERNELS = {
         "quality.mean_ratio_numba.corner_terms_{kind}",
         "quality.stretching_numba._allowed_by_quality",
         "relax.enough_numba.relax_rings_{kind}{metric}",
-        "relax.polish_numba.polish_rings_{kind}{metric}",
-        "relax.newton_numba.newton_directions_{kind}{metric}",
+        "relax.newton_numba.polish_rings_{kind}{metric}",
     ),
     "patches": (
         "relax.patches.neighbourhoods_numba.choose",

@@ -269,25 +269,9 @@ class Engine(ABC):
         if lo < walking:
             self._steepest(batch, lo, walking, band, self._all if active is None else active)
         self._point_ahead(walking, hi, band, PLAIN, active)
-        return self._inside(lo, walking)
-
-    def mean_ascent(self, batch: int, aim: Aim = PLAIN, active: np.ndarray | None = None) -> np.ndarray:
-        """(m, d) directions of which those of a batch lead to the lowest prices of their rings.
-
-        They hold for the coordinates as they are now: Newton's (see ``newton``), and those along which the
-        price falls fastest where vertices walk. The others mean nothing. active: as for ``steepest``.
-        """
-        lo, walking, hi = self.problem.parts(batch)
-        if lo < walking:
-            self._mean_ascent(batch, lo, walking, aim, self._all if active is None else active)
-        self._point_ahead(walking, hi, -1.0, aim, active)
-        return self._inside(lo, walking)
-
-    def _inside(self, lo: int, hi: int) -> np.ndarray:
-        """The directions without those parts of rows lo .. hi across lines and planes that rounding made."""
         freedom, directions = self.problem.freedom, self._directions
-        if freedom is not None and lo < hi:
-            directions[lo:hi] = freedom.directions(directions[lo:hi], np.arange(lo, hi))
+        if freedom is not None and lo < walking:  # without what rounding made across lines and planes
+            directions[lo:walking] = freedom.directions(directions[lo:walking], np.arange(lo, walking))
         return directions
 
     def relax_batch(self, batch: int, directions: np.ndarray, enough: float = 0.0) -> int:
@@ -301,16 +285,21 @@ class Engine(ABC):
         moved = self._moved(lo, walking, move, 0.0, True)
         return moved + self._walk(walking, hi, directions, False, np.inf, PLAIN)
 
-    def polish_batch(self, batch: int, directions: np.ndarray, limit: float, aim: Aim = PLAIN) -> int:
-        """Move each vertex of a batch to where the price along its line is lowest above the floor.
+    def polish_batch(
+        self, batch: int, limit: float, aim: Aim = PLAIN, active: np.ndarray | None = None
+    ) -> int:
+        """Move each vertex of a batch towards the lowest price of its ring above the floor.
 
-        directions: as for ``relax_batch``; limit: the badness at the floor; aim: what is paid for. Returns
-        how many moved.
+        It goes by Newton's step (see ``newton``), or where it walks along that direction in which the price
+        falls fastest. limit: the badness at the floor; aim: what is paid for; active: (m,) bool, the rings
+        whose vertices are to move, by default all. Returns how many moved.
         """
         lo, walking, hi = self.problem.parts(batch)
-        move = partial(self._polish, batch, lo, walking, directions, limit, aim)
+        visited = self._all if active is None else active
+        move = partial(self._polish, batch, lo, walking, limit, aim, visited)
         moved = self._moved(lo, walking, move, limit, aim.by_ring)
-        return moved + self._walk(walking, hi, directions, True, limit, aim)
+        self._point_ahead(walking, hi, -1.0, aim, active)
+        return moved + self._walk(walking, hi, self._directions, True, limit, aim)
 
     def _placed(self, lo: int, hi: int) -> np.ndarray:
         """(hi - lo, d) copy of where the vertices of the rings lo .. hi are."""
@@ -419,16 +408,12 @@ class Engine(ABC):
         """``relax_batch`` for the rings lo .. hi of a batch, whose vertices do not walk."""
 
     @abstractmethod
-    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float, aim: Aim) -> int:
+    def _polish(self, batch: int, lo: int, hi: int, limit: float, aim: Aim, active: np.ndarray) -> int:
         """``polish_batch`` for the rings lo .. hi of a batch, whose vertices do not walk."""
 
     @abstractmethod
     def _steepest(self, batch: int, lo: int, hi: int, band: float, active: np.ndarray) -> None:
         """Set their directions to those of ``steepest``, in lines and planes but for rounding."""
-
-    @abstractmethod
-    def _mean_ascent(self, batch: int, lo: int, hi: int, aim: Aim, active: np.ndarray) -> None:
-        """Set their directions to those of ``mean_ascent``, in lines and planes but for rounding."""
 
     @abstractmethod
     def _worst_corner(self) -> tuple[int, float]:

@@ -122,11 +122,8 @@ class HandoverEngine(Engine):
     def _steepest(self, batch: int, lo: int, hi: int, band: float, active: np.ndarray) -> None:
         self._engine._steepest(batch, lo, hi, band, active)
 
-    def _mean_ascent(self, batch: int, lo: int, hi: int, aim: Aim, active: np.ndarray) -> None:
-        self._engine._mean_ascent(batch, lo, hi, aim, active)
-
-    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float, aim: Aim) -> int:
-        return self._engine._polish(batch, lo, hi, directions, limit, aim)
+    def _polish(self, batch: int, lo: int, hi: int, limit: float, aim: Aim, active: np.ndarray) -> int:
+        return self._engine._polish(batch, lo, hi, limit, aim, active)
 
     def _worst_corner(self) -> tuple[int, float]:
         return self._engine._worst_corner()

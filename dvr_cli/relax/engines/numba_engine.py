@@ -15,9 +15,8 @@ from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.columns_numba import ROWS, WIDTH
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.enough_numba import relax_rings
-from dvr_cli.relax.newton_numba import newton_directions
+from dvr_cli.relax.newton_numba import polish_rings
 from dvr_cli.relax.polish import Aim
-from dvr_cli.relax.polish_numba import polish_rings
 from dvr_cli.relax.problem import Problem, RingFreedom
 from dvr_cli.relax.steepest_numba import steepest_directions
 
@@ -60,11 +59,13 @@ class NumbaEngine(Engine):
     def _steepest(self, batch: int, lo: int, hi: int, band: float, active: np.ndarray) -> None:
         self._run(steepest_directions, lo, hi, self._directions, RingFreedom(active, *self._within), band)
 
-    def _mean_ascent(self, batch: int, lo: int, hi: int, aim: Aim, active: np.ndarray) -> None:
-        self._run(newton_directions, lo, hi, self._directions, RingFreedom(active, *self._within), aim)
+    def _polish(self, batch: int, lo: int, hi: int, limit: float, aim: Aim, active: np.ndarray) -> int:
+        freedom = RingFreedom(active, *self._within)
 
-    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float, aim: Aim) -> int:
-        return sum(self._run(polish_rings, lo, hi, directions, float(limit), aim))
+        def part(lo: int, hi: int) -> int:
+            return polish_rings(self._points, lo, hi, self._rows, freedom, float(limit), aim, self._scratch())
+
+        return sum(self._in_parts(part, lo, hi))
 
     def qualities(self) -> np.ndarray:
         if self.problem.is_surface:
@@ -84,10 +85,13 @@ class NumbaEngine(Engine):
         """The results of a kernel for the rings lo .. hi, part by part; more: its own arguments."""
 
         def part(lo: int, hi: int) -> Any:
-            scratch = np.zeros((ROWS, self._largest_ring + WIDTH))
-            return kernel(self._points, directions, lo, hi, self._rows, *more, scratch)
+            return kernel(self._points, directions, lo, hi, self._rows, *more, self._scratch())
 
         return self._in_parts(part, lo, hi)
+
+    def _scratch(self) -> np.ndarray:
+        """Columns for a ring, of any size that there is; see ``columns_numba``."""
+        return np.zeros((ROWS, self._largest_ring + WIDTH))
 
     def _worst_corner(self) -> tuple[int, float]:
         touched = self.problem.touched

@@ -14,8 +14,8 @@ from dvr_cli.quality.mean_ratio import weighted_norm
 from dvr_cli.relax.columns import RingChunk, ring_chunks
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.line import coefficients, improves, maximise_minimum
-from dvr_cli.relax.newton import Shapes, newton
-from dvr_cli.relax.polish import Aim, keeps, lowest_price, price
+from dvr_cli.relax.newton import FALL, Shapes, corners_at, newton
+from dvr_cli.relax.polish import Aim, keeps, lowest_price, price, weights_at
 from dvr_cli.relax.problem import Problem
 from dvr_cli.relax.steepest import steepest
 
@@ -53,16 +53,8 @@ class NumpyEngine(Engine):
             found = steepest(x, ends, norm, slope, self._within(chunk), band, factor)
             self._directions[chunk.rings] = np.stack(found, axis=1)
 
-    def _mean_ascent(self, batch: int, lo: int, hi: int, aim: Aim, active: np.ndarray) -> None:
-        self._directions[lo:hi] = 0.0
-        for chunk in self._chunks(batch, active):
-            x, ends, *_ = ring = self._ring(chunk)
-            found = newton(x, ends, Shapes(*ring[2:]), self._within(chunk), chunk.real, aim)
-            self._directions[chunk.rings] = np.stack(found, axis=1)
-
-    def _polish(self, batch: int, lo: int, hi: int, directions: np.ndarray, limit: float, aim: Aim) -> int:
-        moving = directions.any(axis=1)
-        return sum(self._polish_chunk(chunk, directions, limit, aim) for chunk in self._chunks(batch, moving))
+    def _polish(self, batch: int, lo: int, hi: int, limit: float, aim: Aim, active: np.ndarray) -> int:
+        return sum(self._polish_chunk(chunk, limit, aim) for chunk in self._chunks(batch, active))
 
     def _chunks(self, batch: int, active: Any) -> Iterator[RingChunk]:
         """The chunks of a batch, without the rings that are not ``active`` ((m,) bool)."""
@@ -116,9 +108,34 @@ class NumpyEngine(Engine):
         better = improves(before[moving], after, self._dimension)
         return self._move(chunk, moving, target, better)
 
-    def _polish_chunk(self, chunk: RingChunk, directions: np.ndarray, limit: float, aim: Aim) -> int:
+    def _polish_chunk(self, chunk: RingChunk, limit: float, aim: Aim) -> int:
+        """Move the vertices of a chunk by Newton's steps, or along them to the lowest price."""
+        x, ends, norm, _, _, factor = ring = self._ring(chunk)
+        shapes, d = Shapes(*ring[2:]), self._dimension
+        corners = corners_at(x, ends, shapes)
+        with np.errstate(all="ignore"):
+            largest = badness(corners.v, corners.s, d).max(axis=0)
+            weights = weights_at(corners.v, corners.s, aim, d)
+            before = price(corners.v, corners.s, chunk.real, weights, aim, d)
+            way, slope = newton(corners, shapes, self._within(chunk), chunk.real, weights, aim)
+        moving = np.flatnonzero((largest < np.inf) & (slope < 0.0) & (slope > -np.inf))
+        if not len(moving):
+            return 0
+        floor = np.maximum(largest, limit) if aim.by_ring else np.full(len(largest), limit)
+        target, v, s = self._at_target(x, way, np.ones(len(slope)), ends, norm, factor, moving)
+        with np.errstate(all="ignore"):
+            largest = badness(v, s, d).max(axis=0)
+            after = price(v, s, chunk.real[:, moving], weights[:, moving], aim, d)
+            good = keeps(before[moving], after, largest, floor[moving], d)
+            good &= after <= before[moving] + FALL * slope[moving]
+        moved, others = self._move(chunk, moving, target, good), moving[~good]
+        if not len(others):
+            return moved
+        return moved + self._polish_on_lines(chunk.of(others), [w[others] for w in way], limit, aim)
+
+    def _polish_on_lines(self, chunk: RingChunk, direction: Components, limit: float, aim: Aim) -> int:
+        """Move the vertices of a chunk to the lowest price in their direction (d components (n,))."""
         x, ends, norm, slope, curvature, factor = self._ring(chunk)
-        direction = list(directions[chunk.rings].T)
         lines = coefficients(x, direction, ends, norm, slope, curvature, factor)
         step, before, weights, floor = lowest_price(lines, chunk.real, limit, aim)
         moving = np.flatnonzero(step != 0.0)

@@ -18,23 +18,21 @@ from dvr_cli.relax.columns_numba import (
     SHAPE,
     V0,
     V1,
-    WEIGHT,
     WIDTH,
     RingArrays,
     set_ring,
 )
 from dvr_cli.relax.line_numba import improves, maximise_minimum, worst_corner
 from dvr_cli.relax.polish import Aim
-from dvr_cli.relax.polish_numba import _bottom, _clip, _keeps, _price, _set_powers, rise, weight
+from dvr_cli.relax.polish_numba import bottom, clip, keeps, price, rise, set_powers, set_weights, weight
 from dvr_cli.relax.steepest_numba import _shortest_in_hull, gradient
 
 # what kernels of walks take over: rows of the scratch array, and functions of other kernels
 ROWS_USED = BADNESS, END, GRADIENT, NORMAL, S0, S1, S2, V0, V1
-TAKEN = improves, bare
+TAKEN = improves, keeps, bare
 set_lines = set_ring
 best_step = maximise_minimum
-keeps = _keeps
-price_of = _price
+price_of = price
 hull_direction = _shortest_in_hull
 
 
@@ -60,13 +58,12 @@ def lowest_step(
     if largest == np.inf:
         return 0.0, 0.0, limit
     if begins:
-        _set_powers(scratch, n, d, 0.0)
-        for c in range(n):
-            scratch[WEIGHT, c] = weight(scratch[S0, c] * scratch[POWER, c], aim)
+        set_powers(scratch, n, d, 0.0)
+        set_weights(scratch, n, aim)
         if aim.by_ring:
             limit = max(largest, limit)
-    before = _price(scratch, n, d, aim)
-    return _clip(scratch, n, d, aim.stretch * _bottom(scratch, n, d, aim), limit), before, limit
+    before = price(scratch, n, d, aim)
+    return clip(scratch, n, d, aim.stretch * bottom(scratch, n, d, aim), limit), before, limit
 
 
 @inlined
@@ -76,7 +73,7 @@ def worst_of(scratch: np.ndarray, n: int, d: int) -> int:
 
 @inlined
 def set_shares(scratch: np.ndarray, n: int, d: int, aim: Aim) -> None:
-    _set_powers(scratch, n, d, 0.0)
+    set_powers(scratch, n, d, 0.0)
     for c in range(n):
         inverse = scratch[S0, c] * scratch[POWER, c]
         scratch[BADNESS, c] = inverse * (weight(inverse, aim) + rise(inverse, aim))

@@ -139,12 +139,11 @@ def same_where_directions_follow_the_ring(kind, seed, noise, scale, whole, threa
         q1 = engine.q1()
         limit = 1.01 * q1 ** (-1 if domain.dimension == 2 else -3) if q1 > 0 else np.inf
         for batch in range(engine.batches):
-            moved.append(engine.polish_batch(batch, engine.mean_ascent(batch), limit))
-            moved.append(engine.polish_batch(batch, directions, limit))
+            moved.append(engine.polish_batch(batch, limit))
         level, active = float(np.median(engine.qualities())), np.arange(len(relaxed)) % 3 > 0
         for aim in (Aim(max(level, 0.0), relative=True), Aim(max(level, 0.0), by_ring=True)):
             for batch in range(engine.batches):
-                moved.append(engine.polish_batch(batch, engine.mean_ascent(batch, aim, active), limit, aim))
+                moved.append(engine.polish_batch(batch, limit, aim, active))
                 moved.append(engine.move_batch(batch, STEEPEST, active, 1.2 * limit))
                 moved.append(engine.move_batch(batch, directions, active, 1.2 * limit))
         moved.append(engine.ring_qualities().tobytes())

@@ -242,7 +242,7 @@ def test_nothing_breaks_whatever_the_surface(seed, kind):
     limit = badness_of(max(float(engine.qualities().min()), 1e-3), 2)
     floor = min(float(engine.qualities().min()), 1e-3)
     for batch in range(engine.batches):
-        engine.polish_batch(batch, engine.mean_ascent(batch), limit)
+        engine.polish_batch(batch, limit)
     assert np.isfinite(engine.points).all()
     assert engine.qualities().min() >= floor * (1 - 1e-12)
 
@@ -276,7 +276,7 @@ def test_the_price_falls_with_each_batch_and_the_floor_holds(aim):
     floor = 0.999 / inverse.max()
     before, began = (inverse + inverse * (aim.level * inverse) ** 16 / 17).sum(), inverse.sum()
     for batch in range(engine.batches):
-        engine.polish_batch(batch, engine.mean_ascent(batch, aim), badness_of(floor, 2), aim)
+        engine.polish_batch(batch, badness_of(floor, 2), aim)
         inverse = 1.0 / corner_qualities(engine.points, domain.corners)
         after = (inverse + inverse * (aim.level * inverse) ** 16 / 17).sum()
         assert after <= before
