@@ -1,0 +1,56 @@
+"""The compiler as this package sets it up leaves numba as it is for others in the process."""
+
+import numpy as np
+import pytest
+
+from needs import require
+
+numba = require("numba")
+
+from numba.core.registry import cpu_target  # noqa: E402
+
+from dvr_cli import jit  # noqa: E402
+
+
+def compiled(function):
+    """The function compiled as kernels are, and not kept on disk."""
+    return numba.njit(pipeline_class=jit._KernelCompiler)(function)
+
+
+def summed(values):
+    """A kernel with operators on numbers and on elements of arrays."""
+    total = 0.0
+    for i in range(len(values)):
+        if values[i, 0] > 0.5 and i != 3:
+            total += values[i, 0] * values[i, 1] - i / 2
+    return total
+
+
+def joined(values):
+    """What no compiler takes: a number added to a text."""
+    return values[0, 0] + "1"
+
+
+def test_operators_are_remembered_while_kernels_are_compiled_and_no_longer(monkeypatch):
+    context, asked = cpu_target.typing_context, []
+    resolved = type(context).resolve_function_type
+
+    def counted(self, function, args, kws):
+        asked.append((function, tuple(args)))
+        return resolved(self, function, args, kws)
+
+    monkeypatch.setattr(type(context), "resolve_function_type", counted)
+    values = np.random.default_rng(1).random((9, 2))
+    jit._SIGNATURES.clear()
+    assert compiled(summed)(values) == summed(values)
+    assert "resolve_function_type" not in vars(context)
+    operators = [(function, args) for function, args in asked if jit._is_known(function, args)]
+    assert len(operators) == len(set(operators)) == len(jit._SIGNATURES) > 5
+    compiled(lambda values: values[0, 0] * values[0, 1] > 0.5)(values)
+    assert len([one for one in asked if jit._is_known(*one)]) == len(operators)  # they were known
+
+
+def test_an_error_of_the_compiler_leaves_nothing_behind():
+    with pytest.raises(numba.TypingError):
+        compiled(joined)(np.ones((2, 2)))
+    assert "resolve_function_type" not in vars(cpu_target.typing_context)
