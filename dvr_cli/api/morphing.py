@@ -89,6 +89,7 @@ def morph_mesh(
         reason = step.stopped_because
     seconds = time.perf_counter() - start
 
+    engine, threads = relaxer.at_work
     stopped_because = reason if reached == 1.0 else StopReason.INTERRUPTED
     phase = MorphPhase("morph", len(sweeps), stopped_because, fraction=reached, substeps=substeps)
     points, after = _stored_result(domain, points, relaxed, storage)
@@ -102,8 +103,8 @@ def morph_mesh(
         stopped_because=stopped_because,
         limited_by=None,
         seconds=seconds,
-        engine=relaxer.engine_kind.name,
-        threads=relaxer.threads,
+        engine=engine,
+        threads=threads,
         options={**options.record(), "near": near},
     )
 

@@ -114,11 +114,10 @@ class Relaxer:
         mesh = replace(mesh, points=mesh.points.copy())  # a copy: the caller may change its own
         work = len(mesh.points), options.stopping.max_iterations
         of_mesh = {"planar": mesh.is_planar, "measured": options.metric is not None}
-        self.engine_kind = choose_engine(options.engine, *work, **of_mesh)
-        self.threads = self.engine_kind.threads(options.threads)
+        self._kind = choose_engine(options.engine, *work, meanwhile=True, **of_mesh)
         self._options = options
         self._point_data = mesh.point_data
-        self.domain = options.domain(mesh, self.engine_kind.backend)
+        self.domain = options.domain(mesh, self._kind.backend)
         if len(self.domain.curved_vertices):
             raise InputError(
                 "curved second-order cells cannot be followed; --straighten takes them as straight"
@@ -138,6 +137,13 @@ class Relaxer:
         self._engine: Engine | None = None
         self._engine_moves = np.empty(0, dtype=bool)  # which vertices it relaxes
         self._engine_corners = self.domain.corners  # and with which targets
+
+    @property
+    def at_work(self) -> tuple[str, int]:
+        """The name of the engine that relaxes, and the number of its threads."""
+        if self._engine is None:
+            return self._kind.name, self._kind.threads(self._options.threads)
+        return self._kind.name_of(self._engine), self._engine.threads
 
     def relax(
         self,
@@ -291,7 +297,7 @@ class Relaxer:
                 options.seed,
                 domain.backend,
             )
-            self._engine = self.engine_kind.make(problem, self.threads)
+            self._engine = self._kind.make(problem, options.threads)
             self._engine_moves, self._engine_corners = moves, corners
         return self._engine
 

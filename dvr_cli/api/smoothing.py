@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -50,11 +50,7 @@ class Storage(Rounding, Protocol):
         """Keep coordinates in float64 from now on; False if they are already or cannot be."""
 
 
-class _Engines(NamedTuple):
-    """The source of engines: make, meanwhile as in ``smooth_mesh``."""
-
-    make: Callable[[EngineKind, Problem, int | None], Engine]
-    meanwhile: bool
+_Make = Callable[[EngineKind, Problem, int | None], Engine]
 
 
 def smooth_mesh(
@@ -64,20 +60,20 @@ def smooth_mesh(
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
     means: bool = False,
-    make: Callable[[EngineKind, Problem, int | None], Engine] = EngineKind.make,
-    meanwhile: bool = False,
+    make: _Make | None = None,
 ) -> tuple[np.ndarray, SmoothReport]:
     """Untangle, if asked for, and relax a Mesh; returns its new points (N, 2|3) and the report.
 
     storage: where the result goes; the points returned and the report's final qualities are those kept there.
     on_sweep, interrupted: see ``sweeps.relax``.
     means: whether the report's sweeps have the mean quality of the elements, too.
-    make: the engine of a kind for a problem, with that many threads. meanwhile: see ``choose_engine``.
+    make: the engine of a kind for a problem, with that many threads; by default that of this process, which
+        waits for no compiler.
 
     Raises OutputError if rounding in the storage would make the mesh worse than it was, or lower its smallest
     altitude.
     """
-    how = storage, on_sweep, interrupted, means, _Engines(make, meanwhile)
+    how = storage, on_sweep, interrupted, means, make
     if options.is_free and options.stopping.max_iterations:
         result = _smoothed(mesh, options, *how, unfolds=True)
         if result is not None:
@@ -94,14 +90,14 @@ def _smoothed(
     on_sweep: Callable[[Sweep], None] | None,
     interrupted: Callable[[], bool],
     means: bool,
-    engines: _Engines,
+    make: _Make | None,
     unfolds: bool,
 ) -> tuple[np.ndarray, SmoothReport] | None:
     """See ``smooth_mesh``; unfolds: whether what lies folded is unfolded first, None if that does no good."""
     vertices, sweeps = len(mesh.points), options.stopping.max_iterations
     choose = partial(choose_engine, options.engine, vertices, sweeps, options.takes_patches)
     of_mesh = {"planar": mesh.is_planar, "measured": options.metric is not None}
-    kind = choose(meanwhile=engines.meanwhile, **of_mesh)
+    kind = choose(meanwhile=make is None, **of_mesh)
     whole = options.domain(mesh, kind.backend)
     shapes = shaped(whole, options.shape, options.tensors(mesh))
     domain = shapes.domain
@@ -112,7 +108,7 @@ def _smoothed(
     moves = moves_of(mesh, domain, options.boundary, selected, options.feature_angle, how_far)
     relaxed = moves.relaxed
     if moves.parts is not None:
-        kind = choose(walking=len(moves.parts.walking), meanwhile=engines.meanwhile, **of_mesh)
+        kind = choose(walking=len(moves.parts.walking), meanwhile=make is None, **of_mesh)
     # on a surface vertices have little room: measured, lowering the price first and narrowing directions then
     # go farthest
     on_surface = domain.is_surface and options.is_free and options.takes_polish
@@ -128,7 +124,7 @@ def _smoothed(
     mean: dict[int, float] = {}
     for share in _SHARES if moves.parts is not None else _SHARES[:1]:
         problem = problem.keeping_within(share * bound)
-        engine = engines.make(kind, problem, options.threads)
+        engine = (make or EngineKind.make)(kind, problem, options.threads)
         hook = _record_means(mean, engine, domain, on_sweep) if means else on_sweep
         run, reference = Run(domain, moves, engine, options, hook, interrupted, rounding), before
         if untangling:

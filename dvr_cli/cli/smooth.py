@@ -50,4 +50,4 @@ def smooth(
 
         work = partial(work, make=partial(LeadEngine, world()))
         return run(source, output, work, given, partial(smooth_in_shares, world(), options, given))
-    return run(source, output, partial(work, meanwhile=True), given)
+    return run(source, output, work, given)

@@ -10,7 +10,7 @@ WORK = (
         Values(str, names=("auto", "numpy", "numba")),
         "auto",
         "What computes; the result is the same. auto takes numba if it is installed (dvr-cli[fast]) and "
-        "pays; smooth has it compiled by a process of its own where needed.",
+        "pays; where needed a process of its own compiles it meanwhile.",
         RELAXING,
         panel="Performance",
     ),

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 
 from dvr_cli.backend import COMPILED, NUMPY, Backend
 from dvr_cli.errors import UsageError
@@ -98,6 +99,11 @@ KINDS = {
 _HANDOVER = EngineKind("", NUMPY, (_FOLDER + "handover", "HandoverEngine"), package="numba", threaded=True)
 
 
+def _starts_python() -> bool:
+    """True if ``sys.executable`` starts Python; a program that embeds it may name itself there."""
+    return Path(sys.executable or "").name.lower().startswith("python")
+
+
 def has_numba() -> bool:
     """True if the compiled engine is installed."""
     return KINDS["numba"].is_installed
@@ -144,7 +150,11 @@ def choose_engine(
         folders = ["."] + ["patches"] * patches + ["surface"] * (walking > 0)
         fastest, repays = KINDS["numba"], _REPAYS
         if not _are_compiled(folders, planar, measured):
-            fastest, repays = (_HANDOVER, _REPAYS_STARTING) if meanwhile else (fastest, _REPAYS_COMPILING)
+            fastest, repays = (
+                (_HANDOVER, _REPAYS_STARTING)
+                if meanwhile and _starts_python()
+                else (fastest, _REPAYS_COMPILING)
+            )
         elif fastest.is_loaded:
             repays = 0
         return fastest if work > repays and has_numba() else KINDS["numpy"]

@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 
+from dvr_cli.api.morphing import morph_mesh
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.api.warming import SORTS
@@ -41,7 +42,7 @@ def smoothed(mesh, monkeypatch, asked, on_sweep=None, **options):
     monkeypatch.setattr(choice, "_REPAYS_STARTING", 0)
     monkeypatch.setattr(handover, "compiling", lambda sort: sorts.append(sort) or countdown)
     hook = None if on_sweep is None else lambda sweep: on_sweep(sweep, countdown)
-    points, report = smooth_mesh(mesh, settings(threads=2, **options), on_sweep=hook, meanwhile=True)
+    points, report = smooth_mesh(mesh, settings(threads=2, **options), on_sweep=hook)
     assert set(sorts) <= set(SORTS)
     return points, report, countdown
 
@@ -75,6 +76,20 @@ def test_vertices_that_walk_go_on_from_where_they_are(monkeypatch):
     np.testing.assert_array_equal(points, expected)
 
 
+def test_morphs_and_the_steps_of_a_relaxer_are_handed_over_too(monkeypatch):
+    mesh = random_mesh("tetra", 5, n=4)
+    shift = 0.05 * mesh.points[:, ::-1] ** 2
+    expected, _ = morph_mesh(mesh, shift, settings(engine="numpy"))
+    monkeypatch.setattr(choice, "_are_compiled", lambda *_: False)
+    monkeypatch.setattr(choice, "_REPAYS_STARTING", 0)
+    for asked, engine in ((3, "numba"), (10**6, "numpy")):
+        countdown = Countdown(asked)
+        monkeypatch.setattr(handover, "compiling", lambda sort, countdown=countdown: countdown)
+        points, report = morph_mesh(mesh, shift, settings(threads=2))
+        np.testing.assert_array_equal(points, expected)
+        assert (report.engine, report.threads) == (engine, 2 if engine == "numba" else 1)
+
+
 def test_a_run_goes_on_alone_if_no_process_can_be_started(monkeypatch):
     def refused(*args, **options):
         raise OSError("no more processes")
@@ -87,7 +102,7 @@ def test_a_run_goes_on_alone_if_no_process_can_be_started(monkeypatch):
     monkeypatch.setattr(choice, "_are_compiled", lambda *_: False)
     monkeypatch.setattr(choice, "_REPAYS_STARTING", 0)
     mesh = random_mesh("tetra", 5)
-    assert smooth_mesh(mesh, settings(), meanwhile=True)[1].engine == "numpy"
+    assert smooth_mesh(mesh, settings())[1].engine == "numpy"
 
 
 def until(holds):

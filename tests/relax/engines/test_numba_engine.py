@@ -401,6 +401,9 @@ def test_auto_takes_numba_where_it_pays(monkeypatch):
     meanwhile = choice.choose_engine("auto", 10**6, 100, meanwhile=True)
     assert meanwhile.maker[1] == "HandoverEngine"
     assert choice.choose_engine("auto", 10_000, 100, meanwhile=True) is choice.KINDS["numpy"]
+    for program in ("/opt/cad/bin/cad", "", None):  # what embeds Python is not started in its place
+        monkeypatch.setattr(sys, "executable", program)
+        assert choice.choose_engine("auto", 10**6, 100, meanwhile=True).name == "numba"
     monkeypatch.setattr(choice, "_are_compiled", lambda *_: True)
     assert choice.choose_engine("auto", 10_000, 100).name == "numba"
     assert choice.choose_engine("auto", 10_000, 100, meanwhile=True).name == "numba"
