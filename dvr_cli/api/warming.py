@@ -97,6 +97,8 @@ def _end_with_stdin() -> None:
 class _Alone:
     """The communicator of a rank without others."""
 
+    rank, size = 0, 1
+
     def alltoall(self, given: list[Any]) -> list[Any]:
         """The things given to this rank, one of each."""
         return given

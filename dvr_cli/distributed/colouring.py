@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dvr_cli.backend import Backend
+from dvr_cli.distributed.rows import swapped
 from dvr_cli.mesh.hashing import mixed
 from dvr_cli.mesh.rings import Incidence
 from dvr_cli.relax.schedule import colour_ready
@@ -49,7 +50,7 @@ def colours(
     while True:
         some(left, own, incidence.start, incidence.corner, vertices, turn, colour)
         left = left[colour[own[left]] < 0]
-        known = comm.alltoall([colour[there] for there in ghosts[0]])
+        known = swapped(comm, [colour[there] for there in ghosts[0]])
         for here, theirs in zip(ghosts[1], known, strict=True):
             colour[here] = theirs
         if not any(comm.allgather(len(left))):

@@ -55,12 +55,13 @@ class _Homes:
     def __init__(self, comm: Any, wishes: list[Wish]) -> None:
         self._comm = comm
         none = np.empty(0, dtype=np.int64)
-        place = np.repeat([wish.place for wish in wishes], [len(wish.things) for wish in wishes])
+        place = np.array([wish.place for wish in wishes], dtype=np.int64)
+        place = np.repeat(place, [len(wish.things) for wish in wishes])
         to = np.concatenate([none, *(wish.homes for wish in wishes)])
         things = np.concatenate([none, *(wish.things for wish in wishes)])
-        self._asked = np.unique(np.stack([to, place.astype(np.int64)], axis=1), axis=0)
-        rank = np.full(len(to), comm.rank)
-        things, place, rank = sent(comm, to, things, place.astype(np.int64), rank)
+        self._asked = np.unique(np.stack([to, place], axis=1), axis=0)
+        rank = np.full(len(to), comm.rank, dtype=np.int32)
+        things, place, rank = sent(comm, to, things, place, rank)
         order = np.lexsort((place, things))
         self._place, self._rank = place[order], rank[order]
         self._thing = np.cumsum(np.diff(things[order], prepend=things[order][:1]) != 0)

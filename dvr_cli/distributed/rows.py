@@ -20,6 +20,14 @@ def owner_of(numbers: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     return np.searchsorted(bounds, numbers, side="right") - 1
 
 
+def swapped(comm: Any, parts: list[Any]) -> list[Any]:
+    """The part that each rank has for this one; parts: what this one has for each. Its own stays as it is."""
+    own = parts[comm.rank]
+    arrived: list[Any] = comm.alltoall([*parts[: comm.rank], None, *parts[comm.rank + 1 :]])
+    arrived[comm.rank] = own
+    return arrived
+
+
 def sent(comm: Any, to: np.ndarray, *columns: np.ndarray) -> list[np.ndarray]:
     """The rows of some arrays that all ranks send to this one, in the order of ranks; each array of them.
 
@@ -28,7 +36,7 @@ def sent(comm: Any, to: np.ndarray, *columns: np.ndarray) -> list[np.ndarray]:
     order = np.argsort(to, kind="stable")
     cuts = np.searchsorted(to[order], np.arange(1, comm.size))
     parts = [np.split(column[order], cuts) for column in columns]
-    arrived = comm.alltoall([tuple(part[rank] for part in parts) for rank in range(comm.size)])
+    arrived = swapped(comm, [tuple(part[rank] for part in parts) for rank in range(comm.size)])
     return [np.concatenate(column) for column in zip(*arrived, strict=True)]
 
 
@@ -40,8 +48,8 @@ def asked(
     of: (n,) the rank that is asked for each. answer: gives the rows for what this rank is asked.
     """
     order = np.argsort(of, kind="stable")
-    questions = comm.alltoall(np.split(keys[order], np.searchsorted(of[order], np.arange(1, comm.size))))
-    answers = np.concatenate(comm.alltoall([answer(question) for question in questions]))
+    questions = swapped(comm, np.split(keys[order], np.searchsorted(of[order], np.arange(1, comm.size))))
+    answers = np.concatenate(swapped(comm, [answer(question) for question in questions]))
     rows = np.empty_like(answers)
     rows[order] = answers
     return rows, questions
@@ -62,7 +70,7 @@ def places(comm: Any, *columns: np.ndarray) -> np.ndarray:
     there = np.argsort(to, kind="stable")
     ends = np.searchsorted(to[there], np.arange(1, comm.size))
     parts = [np.split(column[there], ends) for column in columns]
-    arrived = comm.alltoall([tuple(part[rank] for part in parts) for rank in range(comm.size)])
+    arrived = swapped(comm, [tuple(part[rank] for part in parts) for rank in range(comm.size)])
     rows = [np.concatenate(column) for column in zip(*arrived, strict=True)]
     order = np.lexsort(rows[::-1])
     new = np.zeros(len(order), dtype=bool)
@@ -73,5 +81,5 @@ def places(comm: Any, *columns: np.ndarray) -> np.ndarray:
     place[order] = sum(comm.allgather(int(new.sum()))[: comm.rank]) + np.cumsum(new) - 1
     counts = np.cumsum([len(part[0]) for part in arrived])
     result = np.empty(len(there), dtype=np.int64)
-    result[there] = np.concatenate(comm.alltoall(np.split(place, counts[:-1])))
+    result[there] = np.concatenate(swapped(comm, np.split(place, counts[:-1])))
     return result

@@ -22,8 +22,7 @@ from dvr_cli.distributed.vicinities import Vicinities, Vicinity
 from dvr_cli.mesh.corners import Simplices
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.engines.engine import Engine
-from dvr_cli.relax.patches.neighbourhoods import ROUND, Patches
-from dvr_cli.relax.patches.phase import CANDIDATES
+from dvr_cli.relax.patches.neighbourhoods import CANDIDATES, Patches
 from dvr_cli.relax.patches.rounds import Rounds, Solved, has_grown
 
 
@@ -62,11 +61,12 @@ class ShareRounds(Rounds):
         worst: np.ndarray,
         quality: np.ndarray,
         layers: np.ndarray,
+        most: int,
         enough: float,
         time_is_up: Callable[[], bool],
     ) -> Solved:
         """As in Rounds, of the corners that the rank answers for; time is asked about between rounds only."""
-        chosen = self._choose(worst, quality[worst], layers)
+        chosen = self._choose(worst, quality[worst], layers, most)
         bounds = enough, float(self._engine.altitude)
         results: list[tuple[float, float]] = []
         for _, some in groupby(chosen, key=lambda one: id(one.vicinity)):
@@ -89,40 +89,45 @@ class ShareRounds(Rounds):
             grown=of_grown,
         )
 
-    def _choose(self, worst: np.ndarray, quality: np.ndarray, layers: np.ndarray) -> list[_Chosen]:
-        """The patches of this rank among the first ROUND that share no corner with earlier ones."""
+    def _choose(self, worst: np.ndarray, quality: np.ndarray, layers: np.ndarray, most: int) -> list[_Chosen]:
+        """The patches of this rank among the first ``most`` that share no corner with earlier ones."""
         turns = self._vicinities.turns(self._first[worst])
         place = places(self._comm, quality, *turns)
-        candidates = min(self._comm.allreduce(len(worst)), CANDIDATES)
+        candidates = min(self._comm.allreduce(len(worst)), CANDIDATES * most)
         taken: list[_Chosen] = []
-        done, some, count = 0, 2 * ROUND, 0
-        while done < candidates and count < ROUND:
+        done, some, count = 0, 2 * most, 0
+        while done < candidates and count < most:
             end = min(done + some, candidates)
             new = (place >= done) & (place < end)
-            taken += self._some(worst[new], place[new], layers)
+            taken += self._some(worst[new], place[new], layers, taken)
             free = first_come(self._comm, [one.wish for one in taken])
             taken = [one for one, is_free in zip(taken, free, strict=True) if is_free]
             done, some = end, 2 * some
             count = self._comm.allreduce(len(taken))
-        last = self._last_place([one.place for one in taken], candidates) if count > ROUND else candidates
-        return [one for one in taken if one.place < last]
+        if count > most:
+            candidates = self._last_place([one.place for one in taken], candidates, most)
+        return [one for one in taken if one.place < candidates]
 
-    def _some(self, seeds: np.ndarray, place: np.ndarray, layers: np.ndarray) -> list[_Chosen]:
-        """The patches around some corners."""
+    def _some(
+        self, seeds: np.ndarray, place: np.ndarray, layers: np.ndarray, taken: list[_Chosen]
+    ) -> list[_Chosen]:
+        """The patches around some corners that share no corner with those which this rank has taken."""
         vicinity = self._vicinities.around(self._first[seeds], layers[seeds] + 1)
         patches = vicinity.patches(self._vicinities.ids(self._first[seeds]), layers[seeds])
+        gone = np.isin(vicinity.ids, _joined([one.wish.things for one in taken], np.int64))
         return [
             _Chosen(at, seed, vicinity, one)
             for at, seed, one in zip(place.tolist(), seeds.tolist(), patches, strict=True)
+            if not gone[one.corners].any()
         ]
 
-    def _last_place(self, taken: list[int], candidates: int) -> int:
-        """The place before which ROUND patches are taken on all ranks, by halving."""
+    def _last_place(self, taken: list[int], candidates: int, most: int) -> int:
+        """The place before which ``most`` patches are taken on all ranks, by halving."""
         low, high = 0, candidates
         while high - low > 1:
             middle = (low + high) // 2
             count = self._comm.allreduce(sum(place < middle for place in taken))
-            low, high = (low, middle) if count >= ROUND else (middle, high)
+            low, high = (low, middle) if count >= most else (middle, high)
         return high
 
     def _bring(self, chosen: list[_Chosen]) -> None:

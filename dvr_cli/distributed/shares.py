@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dvr_cli.distributed.rows import asked, bounds, owner_of, places, sent
+from dvr_cli.distributed.rows import asked, bounds, owner_of, places, sent, swapped
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.morton import morton_codes
@@ -200,8 +200,8 @@ class Store:
         to = self.owner(numbers)
         order = np.argsort(to, kind="stable")
         ranks = np.arange(1, self.comm.size)
-        wanted = self.comm.alltoall(np.split(numbers[order], np.searchsorted(to[order], ranks)))
-        return _each_once(self.comm.alltoall([self._with(cells, some) for some in wanted]))
+        wanted = swapped(self.comm, np.split(numbers[order], np.searchsorted(to[order], ranks)))
+        return _each_once(swapped(self.comm, [self._with(cells, some) for some in wanted]))
 
     def _with(self, cells: CellRows, numbers: np.ndarray) -> CellRows:
         """Of some cells of this rank those with one of some of its vertices."""

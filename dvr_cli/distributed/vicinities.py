@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dvr_cli.backend import Backend
-from dvr_cli.distributed.rows import owner_of
+from dvr_cli.distributed.rows import owner_of, swapped
 from dvr_cli.distributed.shared_parts import Share
 from dvr_cli.mesh.corners import ShapeTable
 from dvr_cli.mesh.csr import row_entries
@@ -174,9 +174,8 @@ class Vicinities:
         """The corners with any of these relaxed vertices ((k,) by number, ascending), from their owners."""
         comm = self._comm
         cuts = np.searchsorted(numbers, self._share.bounds[1:-1])
-        return [
-            _Rows(*rows) for rows in comm.alltoall([*map(self._with, comm.alltoall(np.split(numbers, cuts)))])
-        ]
+        questions = swapped(comm, np.split(numbers, cuts))
+        return swapped(comm, [self._with(some) for some in questions])
 
     def _with(self, numbers: np.ndarray) -> _Rows:
         """The corners with any of some relaxed vertices that this rank owns."""

@@ -12,7 +12,8 @@ from dvr_cli.mesh.ranks import distinct
 from dvr_cli.mesh.rings import incidence_of
 from dvr_cli.relax.problem import Problem
 
-ROUND = 32  # patches at most
+ROUND = 32  # patches at most, where nobody says how many
+CANDIDATES = 30  # worst corners that are looked at for each of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +55,12 @@ class Neighbourhoods:
         self._relaxed = incidence.members  # (C, d+1) relaxed vertices by number, or -1
         self._start, self._incident = incidence.start, incidence.corner
 
-    def choose(self, seeds: np.ndarray, layers: np.ndarray) -> Patches:
-        """The patches of the first ROUND of the corners ``seeds`` that share no corner with earlier ones.
+    def choose(self, seeds: np.ndarray, layers: np.ndarray, most: int = ROUND) -> Patches:
+        """The patches of the first ``most`` of the corners ``seeds`` that share no corner with earlier ones.
 
         layers: (C,) how many to free around each touched corner, beside its own vertices.
         """
-        parts = self._backend.twin(choose)(seeds, layers, ROUND, self._relaxed, self._start, self._incident)
+        parts = self._backend.twin(choose)(seeds, layers, most, self._relaxed, self._start, self._incident)
         taken, freed_start, freed, corner_start, corners = parts
         return Patches(
             seeds=taken,

@@ -20,7 +20,7 @@ import numpy as np
 
 from dvr_cli.quality.badness import badness_of
 from dvr_cli.relax.engines.engine import Engine
-from dvr_cli.relax.patches.neighbourhoods import ROUND
+from dvr_cli.relax.patches.neighbourhoods import CANDIDATES, ROUND
 from dvr_cli.relax.patches.rounds import Solved, has_grown
 from dvr_cli.relax.stopping import Stopping, StopReason
 from dvr_cli.relax.sweeps import Relaxation, Sweep, cut_short
@@ -29,7 +29,7 @@ LAYERS = 4  # around a corner's own vertices at most; beyond them hardly anythin
 _AROUND_OTHERS = 2  # with a level of care, around all corners but the worst: more cost much for little
 _SHARE, _LEAST = 3e-4, 64  # patches that can be paid for: this part of the corners, and so many at least
 _BEYOND = 1e-6  # relative quality by which a patch goes beyond the level
-CANDIDATES = 30 * ROUND  # worst corners looked at for the patches of a round
+_ROUNDS = 8  # in which those are used up at the earliest: on many cores and ranks many are solved at once
 
 
 def relax_patches(
@@ -65,7 +65,7 @@ def relax_patches(
         round_start = time.perf_counter()
         if engine.hand_over():
             rounds = engine.rounds()
-        solved = rounds.solve(state.worst, state.quality, state.layers, state.enough, time_is_up)
+        solved = rounds.solve(state.worst, state.quality, state.layers, state.most, state.enough, time_is_up)
         state.take_over(solved)
         number, seconds = done + len(sweeps) + 1, time.perf_counter() - round_start
         sweeps.append(Sweep(number, "patches", state.q1, solved.moved, seconds, below=state.below))
@@ -78,7 +78,8 @@ class _State:
     """The state of the phase, of the corners that this process answers for.
 
     quality: (C,) of each, and layers: (C,) how many are to be freed around it. worst: the worst of those that
-    may gain, worst first, of equals the first. enough: the badness with which a patch is good enough.
+    may gain, worst first, of equals the first. most: patches of a round. enough: the badness with which a
+    patch is good enough.
     """
 
     def __init__(self, engine: Engine, level: float | None) -> None:
@@ -88,7 +89,9 @@ class _State:
         self.enough = 0.0 if level is None else badness_of(level * (1.0 + _BEYOND), d)
         self.quality = engine.qualities()
         count = engine.total(len(self.quality))
-        self._left = count if level is None else max(_LEAST, int(_SHARE * count))
+        paid = int(_SHARE * count)
+        self._left = count if level is None else max(_LEAST, paid)
+        self.most = ROUND if level is None else max(ROUND, paid // _ROUNDS)
         self.layers = np.ones(len(self.quality), dtype=np.int64)
         self._beyond = ~engine.may_be_freed()
         self.layers[self._beyond] = LAYERS + 1
@@ -126,10 +129,11 @@ class _State:
                 among[self._first] = True
             may &= among & (self.quality < self._level)
         worst = np.flatnonzero(may)
-        if len(worst) > CANDIDATES:
+        most = CANDIDATES * self.most
+        if len(worst) > most:
             values = self.quality[worst]
-            worst = worst[values <= np.partition(values, CANDIDATES - 1)[CANDIDATES - 1]]
-        self.worst = worst[np.argsort(self.quality[worst], kind="stable")][:CANDIDATES]
+            worst = worst[values <= np.partition(values, most - 1)[most - 1]]
+        self.worst = worst[np.argsort(self.quality[worst], kind="stable")][:most]
 
     def take_over(self, solved: Solved) -> None:
         """Take over what a round has changed."""

@@ -53,14 +53,15 @@ class Rounds(ABC):
         worst: np.ndarray,
         quality: np.ndarray,
         layers: np.ndarray,
+        most: int,
         enough: float,
         time_is_up: Callable[[], bool],
     ) -> Solved:
         """Choose patches around some corners ``worst`` (w,), the first of which counts most; solve them.
 
-        quality: (C,) of the touched corners, and layers: (C,) to be freed around each. enough: the badness
-        with which a patch is good enough. time_is_up: asked before each patch; once true the rest is left
-        alone.
+        quality: (C,) of the touched corners, and layers: (C,) to be freed around each. most: how many
+        patches. enough: the badness with which a patch is good enough. time_is_up: asked before each patch;
+        once true the rest is left alone.
         """
 
 
@@ -85,13 +86,14 @@ class WholeRounds(Rounds):
         worst: np.ndarray,
         quality: np.ndarray,
         layers: np.ndarray,
+        most: int,
         enough: float,
         time_is_up: Callable[[], bool],
     ) -> Solved:
         """As in Rounds."""
         engine, touched = self._engine, self._engine.problem.touched
         points = engine.coordinates
-        patches = self._neighbourhoods.choose(worst, layers)
+        patches = self._neighbourhoods.choose(worst, layers, most)
         parts = [patches.of(patch) for patch in range(len(patches))]
         for freed, _, _ in parts:
             self._slot[freed] = np.arange(len(freed))

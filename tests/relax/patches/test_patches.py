@@ -288,13 +288,33 @@ def test_tried_with_every_layer_before_giving_up(monkeypatch):
     asked = []
     choose = Neighbourhoods.choose
 
-    def spy(self, seeds, layers):
+    def spy(self, seeds, layers, most):
         asked.append(int(layers[seeds[0]]))
-        return choose(self, seeds, layers)
+        return choose(self, seeds, layers, most)
 
     monkeypatch.setattr(Neighbourhoods, "choose", spy)
     assert run.patches().stopped_because == "converged"
     assert asked[-1] == module.LAYERS
+
+
+def test_a_round_has_an_eighth_of_many_patches_that_can_be_paid_for(monkeypatch):
+    run, asked = Run("tetra", 2, n=5), []
+    choose = Neighbourhoods.choose
+
+    def spy(self, seeds, layers, most):
+        asked.append(most)
+        return choose(self, seeds, layers, most)
+
+    monkeypatch.setattr(Neighbourhoods, "choose", spy)
+    monkeypatch.setattr(module, "_SHARE", 0.25)
+    for least in 4, 32:
+        monkeypatch.setattr(module, "ROUND", least)
+        engine = NumpyEngine(run.problem)
+        engine.load(run.points)
+        relax_patches(engine, Stopping(1), level=0.9)
+    few = len(run.problem.touched.vertices) // 4 // 8
+    assert 4 < few < 32
+    assert asked == [few, 32]
 
 
 def test_a_tangled_patch_is_left_alone():
