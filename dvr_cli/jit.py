@@ -49,6 +49,7 @@ def _load_without_blas() -> None:
 if find_spec("scipy") is not None and "numba.np.arraymath" not in sys.modules:
     _load_without_blas()
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+_Kind = tuple[bool, bool, bool]  # of a mesh: planar, measured, on a surface
 # IEEE arithmetic as written: nothing fused or reassociated, division by zero as in NumPy. No entry point for
 # C is made: nothing calls one, and to compile it takes time.
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
@@ -61,10 +62,11 @@ class _Unsettled:
         raise TypeError("only what is compiled by kind knows the kind of mesh")
 
 
-# In functions that are compiled by kind, and their parts: whether points have two coordinates, and whether
-# shapes are measured in a metric. The compiler leaves out what depends on the other.
+# In functions that are compiled by kind, and their parts: whether points have two coordinates, shapes are
+# measured in a metric, a patch is of triangles in space. The compiler leaves out what does not hold.
 PLANAR: Any = _Unsettled()
 MEASURED: Any = _Unsettled()
+ON_SURFACE: Any = _Unsettled()
 
 
 def compiled(function: _Function, **options: Any) -> _Function:
@@ -100,7 +102,8 @@ def inlined(function: _Function) -> _Function:
 def compiled_by_kind(function: _Function) -> _Function:
     """``function`` compiled for each kind of mesh by itself, when first called for one.
 
-    Its arguments say which kind: ``points``, and ``factor`` (of a ``ShapeTable``), or what has these.
+    Its arguments say which kind: ``points``, and ``factor`` (of a ``ShapeTable``), or what has these, and
+    ``patch`` by the corners it has.
     """
     return cast(_Function, _ByKind(function))
 
@@ -112,20 +115,24 @@ class _ByKind:
         update_wrapper(self, function)
         self.py_func = function
         self._lock = Lock()
-        self._kernels: dict[tuple[bool, bool], Callable[..., Any]] = {}
+        self._kernels: dict[_Kind, Callable[..., Any]] = {}
         names = function.__code__.co_varnames[: function.__code__.co_argcount]
         self._points, self._factor = _place(names, "points"), _place(names, "factor")
+        self._corners = _place(names, "corners")
 
     def __call__(self, *args: Any) -> Any:
-        return self.of(self._points(args).shape[1] == 2, len(self._factor(args)) > 0)(*args)
+        planar, corners = self._points(args).shape[1] == 2, self._corners(args)
+        on_surface = not planar and len(corners) > 0 and corners.shape[1] == 3
+        return self.of(planar, len(self._factor(args)) > 0, on_surface)(*args)
 
-    def of(self, planar: bool, measured: bool) -> Callable[..., Any]:
+    def of(self, planar: bool, measured: bool, on_surface: bool = False) -> Callable[..., Any]:
         """The kernel for a kind of mesh."""
-        kind = planar, measured
+        kind = planar, measured, on_surface
         if kind not in self._kernels:
             with self._lock:
                 if kind not in self._kernels:
                     name = f"{self.py_func.__name__}_{'2d' if planar else '3d'}{'_metric' * measured}"
+                    name += "_surface" * on_surface
                     self._kernels[kind] = compiled(_settled(self.py_func, kind, name))
         return self._kernels[kind]
 
@@ -145,15 +152,17 @@ def _place(names: Sequence[str], wanted: str) -> Callable[[Sequence[Any]], Any]:
 _HOLDERS = {
     "points": {"walk": "points"},
     "factor": {"rings": "factor", "patch": "factor", "walk": "rings.factor"},
+    "corners": {"patch": "vertices"},
 }
 
 
-def _settled(function: Any, kind: tuple[bool, bool], name: str) -> Any:
+def _settled(function: Any, kind: _Kind, name: str) -> Any:
     """A copy of a function, of which all it calls is for meshes of a kind."""
     known = function.__globals__
     names = {name: _of_kind(known[name], kind) for name in function.__code__.co_names if name in known} | {
         "PLANAR": kind[0],
         "MEASURED": kind[1],
+        "ON_SURFACE": kind[2],
         "__name__": known["__name__"],
     }
     copy = FunctionType(function.__code__, names, name, function.__defaults__)
@@ -162,10 +171,10 @@ def _settled(function: Any, kind: tuple[bool, bool], name: str) -> Any:
 
 
 _PLAIN: set[Any] = set()  # the parts where nothing is compiled
-_parts: dict[tuple[Any, tuple[bool, bool]], Any] = {}  # those of a kind, by the functions that they are of
+_parts: dict[tuple[Any, _Kind], Any] = {}  # those of a kind, by the functions that they are of
 
 
-def _of_kind(value: Any, kind: tuple[bool, bool]) -> Any:
+def _of_kind(value: Any, kind: _Kind) -> Any:
     """The thing that a name stands for in functions for meshes of a kind: parts are others for each."""
     if isinstance(value, _ByKind):
         return value.of(*kind)

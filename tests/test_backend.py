@@ -21,7 +21,7 @@ TWINS = (
     *(altitudes.extremes, angles.with_extreme_cosines, angles.with_extreme_turns),
     altitude_rule.hold_altitudes,
     *(mean_ratio.corner_terms, mean_ratio.metric_norms, vector.lower),
-    *(problem.touched_corners, neighbourhoods.choose, solver.solve_patch),
+    *(problem.touched_corners, neighbourhoods.choose, solver.solve_patch, solver.find_moves),
     *(schedule.colours, schedule.colour_ready, schedule.levels),
 )
 

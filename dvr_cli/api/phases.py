@@ -140,9 +140,8 @@ class Run:
 
     def relax_patches(self) -> None:
         """Move the surroundings of the worst elements jointly."""
-        engine = self._engine
         ended = self.stopped_because in (StopReason.CONVERGED, StopReason.MAX_ITERATIONS)
-        if ended and engine.total(len(engine.problem.free_rings)):
+        if ended and self._engine.relaxes:
             from dvr_cli.relax.patches.phase import relax_patches
 
             hooks = self._on_sweep, self._interrupted

@@ -42,6 +42,7 @@ SORTS: dict[str, Callable[[], tuple[Mesh, dict[str, Any]]]] = {
     "curved boundaries in a plane": lambda: (_ball(_square()), _CURVED),
     "cells of other types": lambda: (_cube("hexahedron"), {}),
     "curved boundaries": lambda: (_ball(_cube("tetra")), _CURVED),
+    "surfaces": lambda: (_lifted(_square()), {"feature_angle": 90.0}),
 }
 _OPTIONS = SmoothOptions(threads=1, stopping=Stopping(max_iterations=2))
 
@@ -170,6 +171,12 @@ def _stretched(cube: Mesh) -> Mesh:
     flat = cube.points.copy()
     flat[:, -1] *= 0.02
     return Mesh(flat, cube.cells)
+
+
+def _lifted(square: Mesh) -> Mesh:
+    """The square bent to a surface in space."""
+    height = 0.1 * (square.points**2).sum(axis=1)
+    return Mesh(np.column_stack([square.points, height]), square.cells)
 
 
 def _ball(cube: Mesh) -> Mesh:

@@ -121,9 +121,6 @@ class ShareEngine(Engine):
     ) -> int:
         return self._followed(batch, self._member.engine.move_batch(batch, directions, active, enough))
 
-    def may_be_freed(self) -> np.ndarray:
-        return np.ones(np.count_nonzero(self._share.part.first), dtype=bool)
-
     def rounds(self) -> Rounds:
         from dvr_cli.distributed.share_rounds import ShareRounds  # not for runs without patches
 

@@ -63,14 +63,6 @@ class Problem:
         """(m,) the relaxed vertices in the order of a sweep, in the mesh's numbering."""
         return self.order[self.rings.vertices]
 
-    @property
-    def free_rings(self) -> np.ndarray:
-        """(f,) the rings of the vertices that do not walk."""
-        if self.walk_start is None:
-            return np.arange(len(self.rings.vertices))
-        starts = zip(self.batch_start.tolist(), self.walk_start.tolist(), strict=False)
-        return np.concatenate([np.empty(0, dtype=np.int64), *(np.arange(lo, hi) for lo, hi in starts)])
-
     def parts(self, batch: int) -> tuple[int, int, int]:
         """The first ring of a batch, the first of its vertices that walk, and the first of the next batch."""
         lo, hi = self.batch_start[batch : batch + 2].tolist()

@@ -31,6 +31,8 @@ def kernels():
             if isinstance(value, _ByKind):
                 for measured in MEASURED.get(value.__name__, (False,)):
                     yield from (value.of(planar, measured) for planar in (False, True))
+                if value.__name__ == "find_moves":
+                    yield value.of(False, False, True)
 
 
 def kept(kernel):

@@ -22,8 +22,9 @@ _REPAYS = 100_000
 _REPAYS_COMPILING = 1_000_000  # the same where the kernels have to be compiled first
 _USUAL_SWEEPS = 20
 _PATCHES = 1000  # sweeps of NumPy that patches cost as much as
-# Kernels that runs compile, by folder of ``relax``, some of which set the run up; there is one of each name
-# for each kind of mesh, "2d" or "3d", of some another one in a metric.
+# Kernels that runs compile, by folder of ``relax``, some of which set the run up, those of patches with
+# vertices that walk by themselves; there is one of each name for each kind of mesh, "2d" or "3d", of some
+# another one in a metric.
 _KERNELS = {
     ".": (
         "mesh.rings_numba.rings",
@@ -36,6 +37,10 @@ _KERNELS = {
     "patches": (
         "relax.patches.neighbourhoods_numba.choose",
         "relax.patches.solver_numba.solve_patch_{kind}{metric}",
+    ),
+    "joint": (
+        "relax.patches.neighbourhoods_numba.choose",
+        "relax.surface.joint.move_jointly_{kind}{metric}",
     ),
     "surface": (
         "relax.surface.walk.walk_directions_{kind}{metric}",
@@ -147,7 +152,7 @@ def choose_engine(
     if name == "auto":
         sweeps = min(max_iterations, _USUAL_SWEEPS)
         work = vertices * (sweeps + (_PATCHES if patches else 0)) + walking * sweeps * _WALK
-        folders = ["."] + ["patches"] * patches + ["surface"] * (walking > 0)
+        folders = [".", *(["surface"] * (walking > 0)), *(["joint" if walking else "patches"] * patches)]
         fastest, repays = KINDS["numba"], _REPAYS
         if not _are_compiled(folders, planar, measured):
             fastest, repays = (

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dvr_cli.backend import Backend
+from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.quality.level import LEAST, WORST, level_of
 from dvr_cli.quality.mean_ratio import corner_qualities, mean_quality
 from dvr_cli.quality.vector import at_least, ring_minima
@@ -323,15 +324,6 @@ class Engine(ABC):
 
         return moved - sum(self._in_parts(part, lo, hi)) if moved else 0
 
-    def may_be_freed(self) -> np.ndarray:
-        """(C,) bool, the corners with a vertex that moves and does not walk, so that a patch may free it."""
-        problem = self.problem
-        if problem.walk_start is None:
-            return np.ones(len(problem.touched.vertices), dtype=bool)
-        free = np.zeros(len(problem.order), dtype=bool)
-        free[problem.rings.vertices[problem.free_rings]] = True
-        return free[problem.touched.vertices].any(axis=1)
-
     def rounds(self) -> Rounds:
         """The rounds of patches from these coordinates, see ``relax.patches``."""
         from dvr_cli.relax.patches.rounds import WholeRounds  # not for runs without patches
@@ -346,12 +338,10 @@ class Engine(ABC):
         points: (N, d), this engine's coordinates, changed in place. The patches share no corner. time_is_up:
         asked before each; once true the rest is left alone, and has the same badness before and after.
         """
-        from dvr_cli.relax.patches.solver import solve_patch  # not for runs without patches
-
-        solve = self.backend.twin(solve_patch)
+        solve = self._solver(points)
 
         def solved(patch: Patch) -> tuple[float, float]:
-            return (1.0, 1.0) if time_is_up() else solve(points, patch)
+            return (1.0, 1.0) if time_is_up() else solve(patch)
 
         if self.threads == 1:
             return list(map(solved, patches))
@@ -359,6 +349,49 @@ class Engine(ABC):
 
         with ThreadPoolExecutor(self.threads) as pool:
             return list(pool.map(solved, patches))
+
+    def _solver(self, points: np.ndarray) -> Callable[[Patch], tuple[float, float]]:
+        """The function that moves the vertices of a patch; see ``solve_patches``."""
+        from dvr_cli.relax.patches.solver import find_moves, solve_patch  # not for runs without patches
+
+        carriers, standing = self.problem.carriers, self._standing
+        if carriers is None or standing is None:
+            return partial(self.backend.twin(solve_patch), points)
+        from dvr_cli.relax.surface.joint import move_jointly
+
+        find, move = self.backend.twin(find_moves), self.backend.twin(move_jointly)
+        walk, ring = self._walkers(carriers, standing), np.full(len(points), -1)
+        ring[self.problem.rings.vertices] = np.arange(len(self.problem.rings.vertices))
+
+        rules = carriers.limit, float(self.altitude), self._largest_ring
+
+        def attempt(patch: Patch) -> tuple[float, float]:
+            with np.errstate(all="ignore"):
+                return move(walk, ring[patch.moving], find(points, patch), patch.slot, *rules)
+
+        def solve(patch: Patch) -> tuple[float, float]:
+            found = attempt(patch)
+            walks = standing.at[patch.moving] >= 0
+            if found[1] < found[0] or not walks.any() or walks.all():
+                return found
+            patch.slot[patch.moving[walks]] = -1  # they stay: the others may gain without them
+            free = patch._replace(moving=patch.moving[~walks])
+            patch.slot[free.moving] = np.arange(len(free.moving))
+            return attempt(free)
+
+        return solve
+
+    def tangents(self, vertices: np.ndarray) -> tuple[np.ndarray, Freedom]:
+        """Those of the vertices ((n,) in the problem's numbering) that walk, and how they begin to.
+
+        That is in the planes of their facets and on the lines of their segments.
+        """
+        carriers, standing = self.problem.carriers, self._standing
+        if carriers is None or standing is None:
+            nobody = np.zeros((0, self.problem.components))
+            return vertices[:0], Freedom(np.zeros(0, dtype=np.uint8), nobody)
+        walking = vertices[standing.at[vertices] >= 0]
+        return walking, carriers.tangents(standing, walking)
 
     def _walk(self, lo: int, hi: int, directions: np.ndarray, polishing: bool, floor: float, aim: Aim) -> int:
         """Walk the vertices of the rings lo .. hi; see ``walk.walk_rings``."""

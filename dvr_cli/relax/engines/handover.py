@@ -67,6 +67,8 @@ def is_under_way() -> bool:
 def sort_of(problem: Problem) -> str:
     """The sort of meshes that a problem's kernels are compiled by, one of ``warming.SORTS``."""
     place = " in a plane" if problem.components == 2 else ""
+    if problem.is_surface:
+        return "surfaces"
     if problem.carriers is not None:
         return "curved boundaries" + place
     if len(problem.touched.table.factor):

@@ -45,12 +45,12 @@ class Patches:
 
 
 class Neighbourhoods:
-    """The relaxed vertices that do not walk, and touched corners, around each touched corner."""
+    """The relaxed vertices and touched corners around each touched corner."""
 
     def __init__(self, problem: Problem, backend: Backend = NUMPY) -> None:
         """problem: whose touched corners are meant. backend: what computes; the result is the same."""
         self._backend = backend
-        self._touched, self._vertices = problem.touched, problem.rings.vertices[problem.free_rings]
+        self._touched, self._vertices = problem.touched, problem.rings.vertices
         incidence = incidence_of(self._touched, self._vertices, len(problem.order), backend)
         self._relaxed = incidence.members  # (C, d+1) relaxed vertices by number, or -1
         self._start, self._incident = incidence.start, incidence.corner

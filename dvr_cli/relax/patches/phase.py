@@ -93,8 +93,6 @@ class _State:
         self._left = count if level is None else max(_LEAST, paid)
         self.most = ROUND if level is None else max(ROUND, paid // _ROUNDS)
         self.layers = np.ones(len(self.quality), dtype=np.int64)
-        self._beyond = ~engine.may_be_freed()
-        self.layers[self._beyond] = LAYERS + 1
         self._look()
 
     @property
@@ -121,7 +119,7 @@ class _State:
 
     def _look(self) -> None:
         """Find the worst corners."""
-        self._first = self._engine.first_of_lowest(np.where(self._beyond, np.inf, self.quality))
+        self._first = self._engine.first_of_lowest(self.quality)
         may = self.layers <= LAYERS
         if self._level < np.inf:
             among = (self.layers <= _AROUND_OTHERS) & (self._left > 0)

@@ -72,13 +72,13 @@ class WholeRounds(Rounds):
         """engine: whose coordinates are changed in place."""
         self._engine, problem = engine, engine.problem
         self._neighbourhoods = Neighbourhoods(problem, engine.backend)
-        n, d = len(problem.order), problem.dimension
+        n, d = len(problem.order), problem.components
         self._slot = np.full(n, -1, dtype=np.int32)  # of freed vertices: number in their patch
-        freedom = Freedom(np.full(n, d, dtype=np.uint8), np.zeros((n, problem.components)))
+        freedom = Freedom(np.full(n, d, dtype=np.uint8), np.zeros((n, d)))
         if problem.freedom is not None:
             freedom.dimension[problem.rings.vertices] = problem.freedom.dimension
             freedom.axis[problem.rings.vertices] = problem.freedom.axis
-        table = problem.touched.table
+        table, self._freedom = problem.touched.table, freedom
         self._rules = table.norm, table.factor, freedom.dimension, freedom.axis
 
     def solve(
@@ -97,17 +97,20 @@ class WholeRounds(Rounds):
         parts = [patches.of(patch) for patch in range(len(patches))]
         for freed, _, _ in parts:
             self._slot[freed] = np.arange(len(freed))
+        walking, tangents = engine.tangents(patches.freed)
+        self._freedom.dimension[walking], self._freedom.axis[walking] = tangents.dimension, tangents.axis
         bounds = enough, float(engine.altitude)
         each = [Patch(*part, self._slot, *self._rules, *bounds) for part in parts]
         badness = np.array(engine.solve_patches(points, each, time_is_up))
         self._slot[patches.freed] = -1
-        grown = has_grown(badness, touched.dimension)
+        grown, turned = has_grown(badness, touched.dimension), engine.turned
+        turned = None if turned is None else turned[patches.corners]
         return Solved(
             patches=len(patches),
             moved=int(np.diff(patches.freed_start)[badness[:, 1] < badness[:, 0]].sum()),
             seeds=patches.seeds,
             badness=badness,
             corners=patches.corners,
-            quality=corner_qualities(points, touched.part(patches.corners)),
+            quality=corner_qualities(points, touched.part(patches.corners), inverted=turned),
             grown=np.repeat(grown, np.diff(patches.corner_start)),
         )

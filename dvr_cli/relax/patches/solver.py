@@ -12,11 +12,16 @@ positive elements has f = ∞ and is halved like any step that does not descend.
 In a metric L-BFGS works on L x for each vertex, L being that of the first corner it is in, so that a
 stretched mesh in its metric moves as one that is neither; vertices that are not free to move anywhere are
 taken as they are.
+
+In a surface a corner is a triangle in space. Its determinant is the area as seen from the direction of the
+normal that the triangle has when k's turn begins: it never claims more than the true area, and is not
+positive where the triangle turns over. Vertices that walk are moved by ``surface.joint``, from what is found
+here.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -52,10 +57,10 @@ _PRODUCTS = {2: (((1, 2),), ((0, 2),)), 3: (((1, 3), (2, 4)), ((0, 3), (2, 5)), 
 class Patch(NamedTuple):
     """A patch: vertices that move together, all corners with any of them, and the tables about both.
 
-    moving: (n,) vertices. vertices: (C, d+1), and shapes: (C,), of the corners. slot: (N,) number of each
-    moving vertex among them, negative for all that stay. norm, factor: of ``ShapeTable``. dimension: (N,) and
-    axis: (N, d) of ``Freedom``. enough: the badness with which the patch is good enough, 0.0 for none.
-    altitude: that below which no element may come, 0.0 for none.
+    moving: (n,) vertices. vertices: (C, d+1), and shapes: (C,), of the corners; d is 2 on a surface. slot:
+    (N,) number of each moving vertex among them, negative for all that stay. norm, factor: of ``ShapeTable``.
+    dimension: (N,) and axis: (N, d) of ``Freedom``. enough: the badness with which the patch is good enough,
+    0.0 for none. altitude: that below which no element may come, 0.0 for none.
     """
 
     moving: np.ndarray
@@ -74,20 +79,15 @@ def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
     """Move the vertices of a patch if that makes its smallest quality grow, with no altitude below the bound.
 
     Moves that would take an altitude below are halved, some times, before the patch is left as it was.
-    points: (N, d), changed in place. Returns the largest badness of the patch before and after, the same if
-    nothing moved.
+    points: (N, d) of a planar or volume mesh, changed in place. Returns the largest badness of the patch
+    before and after, the same if nothing moved.
     """
     d, moving = points.shape[1], patch.moving
     energy = PatchEnergy(points, patch)
     start = points[moving]
-    before = energy.badness().max()
+    before, moved = _found(energy, patch)
     if before == np.inf:
         return before, before
-    for squarings in SQUARINGS[d - 2]:
-        if _minimise(energy, squarings, patch.enough):
-            break
-    # the rounding of many steps has added up: back into the lines and planes, with that of one
-    moved = energy.inside(energy.inside(points[moving] - start))
     for _ in range(SHORTER):
         points[moving] = start + moved
         after = energy.badness().max()
@@ -98,6 +98,30 @@ def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
         moved = 0.5 * moved
     points[moving] = start
     return before, before
+
+
+def find_moves(points: np.ndarray, patch: Patch) -> np.ndarray:
+    """(n, d) how far each vertex of a patch is to move for the patch's smallest quality to grow.
+
+    points: (N, d), which are the same afterwards. Where a corner is not positive nothing is to move.
+    """
+    start = points[patch.moving]
+    _, moves = _found(PatchEnergy(points, patch), patch)
+    points[patch.moving] = start
+    return moves
+
+
+def _found(energy: PatchEnergy, patch: Patch) -> tuple[Any, np.ndarray]:
+    """The largest badness of a patch, and (n, d) the moves that are found; points end anywhere."""
+    start = energy.points[patch.moving]
+    before = energy.badness().max()
+    if before == np.inf:
+        return before, np.zeros_like(start)
+    for squarings in SQUARINGS[patch.vertices.shape[1] - 3]:
+        if _minimise(energy, squarings, patch.enough):
+            break
+    # the rounding of many steps has added up: back into the lines and planes, with that of one
+    return before, energy.inside(energy.inside(energy.points[patch.moving] - start))
 
 
 class PatchEnergy:
@@ -117,11 +141,20 @@ class PatchEnergy:
         slots = np.stack([slots[:, 1:], own], axis=2)  # of both ends of each edge
         self._slots = np.where(slots < 0, len(moving), slots)  # the last slot is for what does not move
         self._own = None if self._factor is None else self._measured(patch)
+        self._upward: list[np.ndarray] | None = None
+        self.look_up()
         first = edges_and_determinant(points, patch.vertices)[0][0]
         if self._factor is not None:
             first = through(self._factor, first)
         lengths = np.sqrt(dot(first, first))
         self.size = np.add.accumulate(lengths)[-1] / len(lengths)  # mean edge length
+
+    def look_up(self) -> None:
+        """From now on see the triangles of a surface from the direction of the normals they have here."""
+        if self._vertices.shape[1] == self.points.shape[1]:
+            edges, size = edges_and_determinant(self.points, self._vertices)
+            with np.errstate(all="ignore"):
+                self._upward = [np.where(size > 0.0, part / size, 0.0) for part in cross(*edges)]
 
     def _measured(self, patch: Patch) -> Measured:
         """The measure of each vertex: through L of its first corner."""
@@ -146,6 +179,8 @@ class PatchEnergy:
     def badness(self) -> np.ndarray:
         """(C,) B of each corner, infinite where it is not positive."""
         edges, v = edges_and_determinant(self.points, self._vertices)
+        if self._upward is not None:
+            v = dot(self._upward, cross(*edges))
         with np.errstate(all="ignore"):
             return badness(v, weighted_norm(edges, self._norm, self._factor), len(edges))
 
@@ -171,8 +206,11 @@ class PatchEnergy:
         weight = share[heavy] * f
         norm = self._norm[:, heavy]
         edges, _ = edges_and_determinant(self.points, self._vertices[heavy])
-        d = len(edges)
-        if d == 2:
+        d, components = len(edges), len(edges[0])
+        if self._upward is not None:
+            up = [part[heavy] for part in self._upward]
+            normals = [cross(edges[1], up), cross(up, edges[0])]
+        elif d == 2:
             e, h = edges
             normals = [[h[1], -h[0]], [-e[1], e[0]]]
         else:
@@ -184,13 +222,13 @@ class PatchEnergy:
             edges = [through(factor, edge) for edge in edges]
         along = []  # ∂s/∂e_j
         for j in range(d):
-            row = [2.0 * norm[j] * edges[j][i] for i in range(d)]
+            row = [2.0 * norm[j] * edges[j][i] for i in range(components)]
             for other, place in _PRODUCTS[d][j]:
-                row = [row[i] + norm[place] * edges[other][i] for i in range(d)]
+                row = [row[i] + norm[place] * edges[other][i] for i in range(components)]
             along.append(row)
         twice_s = dot(edges[0], along[0])
         for j in range(1, d):
-            for i in range(d):
+            for i in range(components):
                 twice_s = twice_s + edges[j][i] * along[j][i]
         if factor is not None:
             along = [back_through(factor, row) for row in along]
@@ -198,8 +236,8 @@ class PatchEnergy:
         if d == 3:
             to_s, to_v = 3.0 * to_s, 2.0 * to_v
         slots, n = self._slots[heavy].ravel(), len(self.moving)
-        g = np.empty((n, d))
-        for i in range(d):
+        g = np.empty((n, components))
+        for i in range(components):
             part = np.stack([to_s * along[j][i] - to_v * normals[j][i] for j in range(d)], axis=1)
             both = np.stack([part, -part], axis=2).ravel()  # on the edge's end, and on the corner's vertex
             g[:, i] = np.bincount(slots, both, n + 1)[:n]
@@ -216,6 +254,7 @@ def _minimise(energy: PatchEnergy, squarings: int, enough: float) -> bool:
     Returns whether that brought the largest badness down to ``enough``, at which it stops.
     """
     x = energy.points[energy.moving]
+    energy.look_up()
     reference = energy.badness().max()
     f, share = energy.norm(reference, squarings)
     g = energy.measured(energy.gradient(f, share))

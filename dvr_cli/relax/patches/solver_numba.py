@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import MEASURED, PLANAR, compiled_by_kind, inlined, part
+from dvr_cli.jit import MEASURED, ON_SURFACE, PLANAR, compiled_by_kind, inlined, part
 from dvr_cli.mesh.simplex_numba import determinant_2d, determinant_3d
 from dvr_cli.quality.altitudes_numba import extremes
 from dvr_cli.quality.badness_numba import badness
@@ -33,31 +33,18 @@ from dvr_cli.relax.patches.solver import (
 def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
     """As ``solver.solve_patch``."""
     d = points.shape[1]
-    moving, corners = patch.moving, len(patch.vertices)
-    bad, power, start = np.empty(corners), np.empty(corners), np.empty(len(moving) * d)
+    moving = patch.moving
+    bad, start, moved = np.empty(len(patch.vertices)), np.empty(len(moving) * d), np.empty(len(moving) * d)
     _take(points, moving, start)
-    before = _badnesses(points, patch, bad)
+    before = _find(points, patch, start, bad, moved)
     if before == np.inf:
         return before, before
-    size, own, seen = _size(points, patch), np.empty(0, dtype=np.int64), np.empty((0, d))
-    if MEASURED:
-        own = _own_measure(patch)
-        seen = _seen_axes(patch, own)
-    for squarings in SQUARINGS[d - 2]:
-        if _minimise(points, patch, own, seen, squarings, size, bad, power):
-            break
-    moved = np.empty(len(start))
-    _take(points, moving, moved)
-    for i in range(len(moved)):
-        moved[i] -= start[i]
-    _project(moved, patch)
-    _project(moved, patch)
-    reached = np.empty(len(start))
+    reached, up = np.empty(len(start)), np.empty((0, d))
     for _ in range(SHORTER):
         for i in range(len(start)):
             reached[i] = start[i] + moved[i]
         _put(points, moving, reached)
-        after = _badnesses(points, patch, bad)
+        after = _badnesses(points, patch, up, bad)
         if not improves(before, after, d):
             break
         if patch.altitude <= 0.0 or extremes(points, patch.vertices)[0] >= patch.altitude:
@@ -68,6 +55,59 @@ def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
     return before, before
 
 
+@compiled_by_kind
+def find_moves(points: np.ndarray, patch: Patch) -> np.ndarray:
+    """As ``solver.find_moves``."""
+    d, moving = points.shape[1], patch.moving
+    bad, start, moved = np.empty(len(patch.vertices)), np.empty(len(moving) * d), np.empty(len(moving) * d)
+    _take(points, moving, start)
+    _find(points, patch, start, bad, moved)
+    _put(points, moving, start)
+    return moved.reshape((len(moving), d))
+
+
+@part
+def _find(points: np.ndarray, patch: Patch, start: np.ndarray, bad: np.ndarray, moved: np.ndarray) -> float:
+    """As ``solver._found``, the moves being put into ``moved``; start: where the vertices are."""
+    d, up = points.shape[1], np.empty((0, points.shape[1]))
+    if ON_SURFACE:
+        up = np.empty((len(bad), 3))
+        _look_up(points, patch, up)
+    before = _badnesses(points, patch, up, bad)
+    if before == np.inf:
+        for i in range(len(moved)):
+            moved[i] = 0.0
+        return before
+    size, own, seen = _size(points, patch), np.empty(0, dtype=np.int64), np.empty((0, d))
+    if MEASURED:
+        own = _own_measure(patch)
+        seen = _seen_axes(patch, own)
+    for squarings in SQUARINGS[0 if PLANAR or ON_SURFACE else 1]:
+        if _minimise(points, patch, own, seen, squarings, size, up, bad):
+            break
+    _take(points, patch.moving, moved)
+    for i in range(len(moved)):
+        moved[i] -= start[i]
+    _project(moved, patch)
+    _project(moved, patch)
+    return before
+
+
+@part
+def _look_up(points: np.ndarray, patch: Patch, up: np.ndarray) -> None:
+    """See ``PatchEnergy.look_up``; fills ``up`` with the normals."""
+    for c in range(len(patch.vertices)):
+        o, p, q = patch.vertices[c, 0], patch.vertices[c, 1], patch.vertices[c, 2]
+        e0, e1, e2 = points[p, 0] - points[o, 0], points[p, 1] - points[o, 1], points[p, 2] - points[o, 2]
+        f0, f1, f2 = points[q, 0] - points[o, 0], points[q, 1] - points[o, 1], points[q, 2] - points[o, 2]
+        a0, a1, a2 = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
+        size = np.sqrt(a0 * a0 + a1 * a1 + a2 * a2)
+        if size > 0.0:
+            up[c, 0], up[c, 1], up[c, 2] = a0 / size, a1 / size, a2 / size
+        else:
+            up[c, 0], up[c, 1], up[c, 2] = 0.0, 0.0, 0.0
+
+
 @part
 def _minimise(
     points: np.ndarray,
@@ -76,26 +116,29 @@ def _minimise(
     seen: np.ndarray,
     squarings: int,
     size: float,
+    up: np.ndarray,
     bad: np.ndarray,
-    power: np.ndarray,
 ) -> bool:
     """See ``solver._minimise``; vectors (n, d) are flat, pairs stand in the rows of two arrays.
 
     own: (n,) the row of the shape table whose L each vertex is measured through; seen: (n, d) the axes of
-    their lines and planes through that. Both are empty without a metric.
+    their lines and planes through that. Both are empty without a metric. up: the normals of a surface's
+    triangles.
     """
     d = points.shape[1]
     moving = patch.moving
     n = len(moving) * d
     rows = MEMORY + 1  # one more for a pair that is not kept
     steps, changes, curvature = np.empty((rows, n)), np.empty((rows, n)), np.empty(rows)
-    factor = np.empty(rows)
+    factor, power = np.empty(rows), np.empty(len(bad))
     x, reached, direction, g, new = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     kept = 0
     _take(points, moving, x)
-    reference = _badnesses(points, patch, bad)
+    if ON_SURFACE:
+        _look_up(points, patch, up)
+    reference = _badnesses(points, patch, up, bad)
     f, total = _norm(bad, reference, squarings, power)
-    _gradient(points, patch, power, f, total, g)
+    _gradient(points, patch, up, power, f, total, g)
     if MEASURED:
         _measure(g, patch, own, seen)
     way = np.empty(n) if MEASURED else direction
@@ -119,7 +162,7 @@ def _minimise(
             for i in range(n):
                 reached[i] = x[i] + step * way[i]
             _put(points, moving, reached)
-            worst = _badnesses(points, patch, bad)
+            worst = _badnesses(points, patch, up, bad)
             trial, total = _norm(bad, reference, squarings, power)
             falls = trial <= f + DECREASE * step * slope
             if falls:
@@ -130,7 +173,7 @@ def _minimise(
             return False
         if worst <= patch.enough:
             return True
-        _gradient(points, patch, power, trial, total, new)
+        _gradient(points, patch, up, power, trial, total, new)
         if MEASURED:
             _measure(new, patch, own, seen)
         row = kept % rows
@@ -303,8 +346,11 @@ def _size(points: np.ndarray, patch: Patch) -> float:
 
 
 @part
-def _badnesses(points: np.ndarray, patch: Patch, bad: np.ndarray) -> float:
-    """Fill ``bad`` with the badness of each corner, infinite where it is not positive; the largest."""
+def _badnesses(points: np.ndarray, patch: Patch, up: np.ndarray, bad: np.ndarray) -> float:
+    """Fill ``bad`` with the badness of each corner, infinite where it is not positive; the largest.
+
+    up: (C, 3) the normals from whose direction the triangles of a surface are seen.
+    """
     vertices, shapes, norm = patch.vertices, patch.shapes, patch.norm
     largest = 0.0
     if MEASURED:
@@ -313,6 +359,20 @@ def _badnesses(points: np.ndarray, patch: Patch, bad: np.ndarray) -> float:
             v = determinant_2d(points, corner) if PLANAR else determinant_3d(points, corner)
             s = metric_norm(points, vertices[c], norm, patch.factor, shapes[c])
             bad[c] = badness(v, s, points.shape[1])
+            largest = max(largest, bad[c])
+        return largest
+    if ON_SURFACE:
+        for c in range(len(vertices)):
+            o, p, q, k = vertices[c, 0], vertices[c, 1], vertices[c, 2], shapes[c]
+            e0, e1, e2 = points[p, 0] - points[o, 0], points[p, 1] - points[o, 1], points[p, 2] - points[o, 2]
+            f0, f1, f2 = points[q, 0] - points[o, 0], points[q, 1] - points[o, 1], points[q, 2] - points[o, 2]
+            v = up[c, 0] * (e1 * f2 - e2 * f1)
+            v = v + up[c, 1] * (e2 * f0 - e0 * f2)
+            v = v + up[c, 2] * (e0 * f1 - e1 * f0)
+            s = norm[k, 0] * (e0 * e0 + e1 * e1 + e2 * e2)
+            s = s + norm[k, 1] * (f0 * f0 + f1 * f1 + f2 * f2)
+            s = s + norm[k, 2] * (e0 * f0 + e1 * f1 + e2 * f2)
+            bad[c] = badness(v, s, 2)
             largest = max(largest, bad[c])
         return largest
     if PLANAR:
@@ -369,26 +429,38 @@ def _norm(bad: np.ndarray, reference: float, squarings: int, power: np.ndarray) 
 
 @part
 def _gradient(
-    points: np.ndarray, patch: Patch, power: np.ndarray, f: float, total: float, g: np.ndarray
+    points: np.ndarray,
+    patch: Patch,
+    up: np.ndarray,
+    power: np.ndarray,
+    f: float,
+    total: float,
+    g: np.ndarray,
 ) -> None:
-    """See ``PatchEnergy.gradient``; total: the sum of ``power``."""
+    """See ``PatchEnergy.gradient``; total: the sum of ``power``; up: as for ``_badnesses``."""
     vertices, shapes, norm, slot = patch.vertices, patch.shapes, patch.norm, patch.slot
     for i in range(len(g)):
         g[i] = 0.0
     d = points.shape[1]
-    e = np.empty((d, d))
-    along = np.empty((d, d))
-    normal = np.empty((d, d))
+    edges = 2 if PLANAR or ON_SURFACE else 3
+    e = np.empty((edges, d))
+    along = np.empty((edges, d))
+    normal = np.empty((edges, d))
     for c in range(len(vertices)):
         weight = power[c] / total
         if weight < NEGLIGIBLE:
             continue
         weight = weight * f
         k = shapes[c]
-        for j in range(d):
+        for j in range(edges):
             for i in range(d):
                 e[j, i] = points[vertices[c, j + 1], i] - points[vertices[c, 0], i]
-        if PLANAR:
+        if ON_SURFACE:
+            for i in range(3):
+                a, b = (i + 1) % 3, (i + 2) % 3
+                normal[0, i] = e[1, a] * up[c, b] - e[1, b] * up[c, a]
+                normal[1, i] = up[c, a] * e[0, b] - up[c, b] * e[0, a]
+        elif PLANAR:
             normal[0, 0], normal[0, 1] = e[1, 1], -e[1, 0]
             normal[1, 0], normal[1, 1] = -e[0, 1], e[0, 0]
         else:
@@ -403,8 +475,8 @@ def _gradient(
         if MEASURED:
             for j in range(d):
                 _see_through(patch.factor, k, e[j])
-        if PLANAR:
-            for i in range(2):
+        if PLANAR or ON_SURFACE:
+            for i in range(d):
                 along[0, i] = 2.0 * norm[k, 0] * e[0, i] + norm[k, 2] * e[1, i]
                 along[1, i] = 2.0 * norm[k, 1] * e[1, i] + norm[k, 2] * e[0, i]
         else:
@@ -415,17 +487,17 @@ def _gradient(
         s = e[0, 0] * along[0, 0]
         for i in range(1, d):
             s = s + e[0, i] * along[0, i]
-        for j in range(1, d):
+        for j in range(1, edges):
             for i in range(d):
                 s = s + e[j, i] * along[j, i]
         if MEASURED:
             for j in range(d):
                 _see_back(patch.factor, k, along[j])
         to_s, to_v = 2.0 * weight / s, weight / v
-        if not PLANAR:
+        if edges == 3:
             to_s, to_v = 3.0 * to_s, 2.0 * to_v
         own = slot[vertices[c, 0]]
-        for j in range(d):
+        for j in range(edges):
             other = slot[vertices[c, j + 1]]
             for i in range(d):
                 part = to_s * along[j, i] - to_v * normal[j, i]

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dvr_cli.boundary.deviation import deviation
-from dvr_cli.boundary.freedom import unit
+from dvr_cli.boundary.freedom import Freedom, unit
 from dvr_cli.boundary.smooth_parts import SmoothParts
 from dvr_cli.boundary.walls import thickness
 from dvr_cli.mesh.corners import Corners, Simplices
@@ -213,6 +213,16 @@ class Carriers:
             deviation(before, points, ground.triangles, ground.patch, near, triangles),
             deviation(before, points, ground.segments, self.curve, along, segments),
         )
+
+    def tangents(self, standing: Standing, vertices: np.ndarray) -> Freedom:
+        """The planes of the facets and the lines of the segments on which vertices (n,) that walk stand."""
+        ground, at, d = self.ground, standing.at[vertices], self.before.shape[1]
+        dimension, axis = standing.kind[vertices].copy(), np.zeros((len(vertices), d))
+        on_curve = dimension == CURVE
+        ends = ground.places[ground.segments[at[on_curve]], :d]
+        axis[on_curve] = unit(ends[:, 1] - ends[:, 0])
+        axis[~on_curve] = ground.normals[at[~on_curve], :d]
+        return Freedom(dimension, axis)
 
     def apart_at(self, standing: Standing) -> np.ndarray:
         """(N,) bounds on how far the edges at each vertex are from the input."""

@@ -5,5 +5,5 @@ from __future__ import annotations
 from dvr_cli.jit import bare, compiled_over
 from dvr_cli.relax.surface import overlay
 
-_COMPILED = compiled_over(overlay, ("renew",), {"bare": bare})
-look, take_over, renew = _COMPILED["look"], _COMPILED["take_over"], _COMPILED["renew"]
+COMPILED = compiled_over(overlay, ("renew",), {"bare": bare})
+look, take_over, renew = COMPILED["look"], COMPILED["take_over"], COMPILED["renew"]

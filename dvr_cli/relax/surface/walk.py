@@ -51,13 +51,20 @@ from dvr_cli.relax.surface.ring import (
     set_shares,
     worst_of,
 )
+from dvr_cli.relax.surface.strides import (
+    CROSSINGS,
+    Vector,
+    along_carrier,
+    cross,
+    go,
+    go_out,
+    put,
+    tangent,
+    way_out,
+)
 
 _TRIES = 4  # walks tried, each at most half as long as the one before
-_CROSSINGS = 64  # edges and vertices passed on a walk; about 1 is usual
 _STILL = (0.0, 0.0, 0.0)  # the direction of a vertex that is not to move
-_ACROSS = 1e-9  # length below which what a unit vector has in a plane or along a line is rounding
-
-Vector = tuple[float, float, float]
 
 
 class Walk(NamedTuple):
@@ -134,7 +141,7 @@ def walk_directions(
             directions[ring, i] = 0.0
         if standing.at[vertex] < 0 or not active[ring]:
             continue
-        n = _lines(walk, ring, _STILL, True, scratch)
+        n = lay_out(walk, ring, _STILL, True, scratch)
         worst = worst_of(scratch, n, d)
         largest = scratch[BADNESS, worst]
         if band < 0.0:
@@ -217,7 +224,7 @@ def _onto_carrier(
     """Reduce the gradient in column k to the part in the vertex's facet or along its segment."""
     at = standing.at[vertex]
     if standing.kind[vertex] == CURVE:
-        a0, a1, a2 = _tangent(at, ground)
+        a0, a1, a2 = tangent(at, ground)
     else:
         a0, a1, a2 = ground.normals[at, 0], ground.normals[at, 1], ground.normals[at, 2]
     g0, g1 = scratch[GRADIENT, k], scratch[GRADIENT + 1, k]
@@ -249,17 +256,17 @@ def _walk_one(walk: Walk, directions: np.ndarray, ring: int, purpose: Purpose, s
     for _ in range(_TRIES):
         walked, before, floor = _walk(walk, directions, ring, longest, purpose, scratch)
         if walked == 0.0:
-            _put(points, vertex, x0, x1, x2)
+            put(points, vertex, x0, x1, x2)
             standing.at[vertex], standing.u[vertex], standing.w[vertex] = at, u, w
             return False
-        n = _lines(walk, ring, _STILL, False, scratch)
+        n = lay_out(walk, ring, _STILL, False, scratch)
         largest = scratch[BADNESS, worst_of(scratch, n, d)]
         if purpose.polishing:
             better = keeps(before, price_of(scratch, n, d, purpose.aim), largest, floor, d)
         else:
             better = improves(before, largest, d)
         if purpose.altitude > 0.0:
-            better = better and _keeps_altitude(points, vertex, n, d, purpose.altitude, scratch)
+            better = better and keeps_altitude(points, vertex, n, d, purpose.altitude, scratch)
         part = 0.5
         if better and _upright(walk, ring, (x0, x1, x2), at):
             y0, y1 = points[vertex, 0] - x0, points[vertex, 1] - x1
@@ -274,12 +281,12 @@ def _walk_one(walk: Walk, directions: np.ndarray, ring: int, purpose: Purpose, s
                 return True
             part = min(max(limit / apart, 0.1), 0.5)
         longest = part * walked
-        _put(points, vertex, x0, x1, x2)
+        put(points, vertex, x0, x1, x2)
         standing.at[vertex], standing.u[vertex], standing.w[vertex] = at, u, w
     return False
 
 
-def _keeps_altitude(
+def keeps_altitude(
     points: np.ndarray, vertex: int, n: int, d: int, altitude: float, scratch: np.ndarray
 ) -> bool:
     """True if no altitude of the ring's n corners, which stand in the scratch, is below the one given."""
@@ -319,17 +326,17 @@ def _walk(
     vertex, d = rings.vertices[ring], rings.others.shape[1]
     d0, d1 = directions[ring, 0], directions[ring, 1]
     d2 = directions[ring, 2] if points.shape[1] == 3 else 0.0
-    d0, d1, d2 = _along_carrier(vertex, d0, d1, d2, ground, standing)
+    d0, d1, d2 = along_carrier(vertex, d0, d1, d2, ground, standing)
     if d0 == 0.0 and d1 == 0.0 and d2 == 0.0:
         return 0.0, 0.0, 0.0
     walked, before, floor, came = 0.0, 0.0, purpose.floor, -1
-    for crossing in range(_CROSSINGS):
+    for crossing in range(CROSSINGS):
         step = np.inf
         way, out = 0.0, -1
         if crossing > 0:
-            way, out = _way_out(vertex, d0, d1, d2, came, ground, standing)
+            way, out = way_out(vertex, d0, d1, d2, came, ground, standing)
         if crossing == 0 or way > 0.0:
-            n = _lines(walk, ring, (d0, d1, d2), True, scratch)
+            n = lay_out(walk, ring, (d0, d1, d2), True, scratch)
             if purpose.polishing:
                 step, now, highest = lowest_step(scratch, n, d, floor, purpose.aim, crossing == 0)
             else:
@@ -339,238 +346,24 @@ def _walk(
                 before, floor = now, highest
                 if step < 0.0:
                     d0, d1, d2, step = -d0, -d1, -d2, -step
-                way, out = _way_out(vertex, d0, d1, d2, came, ground, standing)
+                way, out = way_out(vertex, d0, d1, d2, came, ground, standing)
             if not step > 0.0:
                 break
         rest = longest - walked
         step = min(step, rest)
         if step <= way:
-            _go(points, vertex, (d0, d1, d2), step, ground, standing)
+            go(points, vertex, (d0, d1, d2), step, ground, standing)
             walked += step
             break
-        _go_out(points, vertex, (d0, d1, d2), way, out, ground, standing)
+        go_out(points, vertex, (d0, d1, d2), way, out, ground, standing)
         walked += way
-        d0, d1, d2, came = _cross(vertex, d0, d1, d2, out, ground, standing)
+        d0, d1, d2, came = cross(vertex, d0, d1, d2, out, ground, standing)
         if came < 0:
             break
     return walked, before, floor
 
 
-def _along_carrier(
-    vertex: int, d0: float, d1: float, d2: float, ground: Ground, standing: Standing
-) -> tuple[float, float, float]:
-    """The part of a direction in the plane of the vertex's facet or along its segment, made unit, or 0."""
-    at = standing.at[vertex]
-    if standing.kind[vertex] == CURVE:
-        t0, t1, t2 = _tangent(at, ground)
-        along = d0 * t0 + d1 * t1 + d2 * t2
-        if along > _ACROSS:
-            return t0, t1, t2
-        if along < -_ACROSS:
-            return -t0, -t1, -t2
-        return 0.0, 0.0, 0.0
-    n0, n1, n2 = ground.normals[at, 0], ground.normals[at, 1], ground.normals[at, 2]
-    for _ in range(2):  # once more: what is left across the plane is rounding of what may have been short
-        across = d0 * n0 + d1 * n1 + d2 * n2
-        d0, d1, d2 = d0 - across * n0, d1 - across * n1, d2 - across * n2
-        length = sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-        if not length > _ACROSS:
-            return 0.0, 0.0, 0.0
-        d0, d1, d2 = d0 / length, d1 / length, d2 / length
-    return d0, d1, d2
-
-
-def _tangent(segment: int, ground: Ground) -> tuple[float, float, float]:
-    """The unit vector from the first end of a segment to the second, 0 where they coincide."""
-    t0, t1, t2, length = _span(segment, ground)
-    if not length > 0.0:
-        return 0.0, 0.0, 0.0
-    return t0 / length, t1 / length, t2 / length
-
-
-def _span(segment: int, ground: Ground) -> tuple[float, float, float, float]:
-    """The vector from the first end of a segment to the second, and its length."""
-    a, b, places = ground.segments[segment, 0], ground.segments[segment, 1], ground.places
-    e0, e1, e2 = places[b, 0] - places[a, 0], places[b, 1] - places[a, 1], places[b, 2] - places[a, 2]
-    return e0, e1, e2, sqrt(e0 * e0 + e1 * e1 + e2 * e2)
-
-
-def _rates(at: int, d0: float, d1: float, d2: float, ground: Ground) -> tuple[float, float]:
-    """The rates at which the coordinates u and w of a facet grow along a direction in its plane."""
-    places, i = ground.places, ground.triangles[at, 0]
-    j, k = ground.triangles[at, 1], ground.triangles[at, 2]
-    e0, e1, e2 = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1], places[j, 2] - places[i, 2]
-    f0, f1, f2 = places[k, 0] - places[i, 0], places[k, 1] - places[i, 1], places[k, 2] - places[i, 2]
-    ee, ef, ff = e0 * e0 + e1 * e1 + e2 * e2, e0 * f0 + e1 * f1 + e2 * f2, f0 * f0 + f1 * f1 + f2 * f2
-    p, q = d0 * e0 + d1 * e1 + d2 * e2, d0 * f0 + d1 * f1 + d2 * f2
-    size = ee * ff - ef * ef
-    return (ff * p - ef * q) / size, (ee * q - ef * p) / size
-
-
-def _way_out(
-    vertex: int, d0: float, d1: float, d2: float, came: int, ground: Ground, standing: Standing
-) -> tuple[float, int]:
-    """The distance along a direction to the end of the facet or segment, and the edge or end it leads to.
-
-    An edge has the number of the vertex opposite. came: that over which the vertex came, or -1.
-    """
-    at, u = standing.at[vertex], standing.u[vertex]
-    if standing.kind[vertex] == CURVE:
-        e0, e1, e2, length = _span(at, ground)
-        if d0 * e0 + d1 * e1 + d2 * e2 >= 0.0:
-            return (1.0 - u) * length, 1
-        return u * length, 0
-    w = standing.w[vertex]
-    du, dw = _rates(at, d0, d1, d2, ground)
-    least, out = np.inf, -1
-    for k in range(3):
-        b, rate = 1.0 - u - w, -du - dw
-        if k == 1:
-            b, rate = u, du
-        elif k == 2:
-            b, rate = w, dw
-        if k != came and rate < 0.0:
-            way = max(b, 0.0) / -rate
-            if way < least:
-                least, out = way, k
-    return least, out
-
-
-def _go(
-    points: np.ndarray, vertex: int, direction: Vector, step: float, ground: Ground, standing: Standing
-) -> None:
-    """Move a vertex by ``step`` within its facet or segment."""
-    d0, d1, d2 = direction
-    at, u = standing.at[vertex], standing.u[vertex]
-    if standing.kind[vertex] == CURVE:
-        e0, e1, e2, length = _span(at, ground)
-        part = step / length
-        if d0 * e0 + d1 * e1 + d2 * e2 < 0.0:
-            part = -part
-        _stand(points, vertex, at, min(max(u + part, 0.0), 1.0), 0.0, ground, standing)
-        return
-    du, dw = _rates(at, d0, d1, d2, ground)
-    u, w = max(u + step * du, 0.0), max(standing.w[vertex] + step * dw, 0.0)
-    if u + w > 1.0:
-        w = max(1.0 - u, 0.0)
-        u = 1.0 - w
-    _stand(points, vertex, at, u, w, ground, standing)
-
-
-def _go_out(
-    points: np.ndarray,
-    vertex: int,
-    direction: Vector,
-    way: float,
-    out: int,
-    ground: Ground,
-    standing: Standing,
-) -> None:
-    """Move a vertex by ``way``, onto the edge or end ``out`` of its facet or segment."""
-    at, u, w = standing.at[vertex], standing.u[vertex], standing.w[vertex]
-    if standing.kind[vertex] == CURVE:
-        _stand(points, vertex, at, 1.0 if out == 1 else 0.0, 0.0, ground, standing)
-        return
-    d0, d1, d2 = direction
-    du, dw = _rates(at, d0, d1, d2, ground)
-    u, w = min(max(u + way * du, 0.0), 1.0), min(max(w + way * dw, 0.0), 1.0)
-    if out == 0:
-        w = 1.0 - u
-    elif out == 1:
-        u = 0.0
-    else:
-        w = 0.0
-    _stand(points, vertex, at, u, w, ground, standing)
-
-
-def _stand(
-    points: np.ndarray, vertex: int, at: int, u: float, w: float, ground: Ground, standing: Standing
-) -> None:
-    """Put a vertex on its facet or segment ``at``."""
-    standing.at[vertex], standing.u[vertex], standing.w[vertex] = at, u, w
-    places = ground.places
-    if standing.kind[vertex] == CURVE:
-        a, b = ground.segments[at, 0], ground.segments[at, 1]
-        for i in range(points.shape[1]):
-            if u == 1.0:
-                points[vertex, i] = places[b, i]
-            else:
-                points[vertex, i] = places[a, i] + u * (places[b, i] - places[a, i])
-        return
-    a, b, c = ground.triangles[at, 0], ground.triangles[at, 1], ground.triangles[at, 2]
-    for i in range(points.shape[1]):
-        along = u * (places[b, i] - places[a, i])
-        points[vertex, i] = places[a, i] + (along + w * (places[c, i] - places[a, i]))
-    if u == 1.0 or w == 1.0:
-        for i in range(points.shape[1]):
-            points[vertex, i] = places[b if u == 1.0 else c, i]
-
-
-def _cross(
-    vertex: int, d0: float, d1: float, d2: float, out: int, ground: Ground, standing: Standing
-) -> tuple[float, float, float, int]:
-    """Take a vertex from the edge or end ``out`` of its facet or segment into what lies beyond.
-
-    Returns its direction there, and the edge or end over which it came, -1 if there is nothing beyond.
-    """
-    at = standing.at[vertex]
-    if standing.kind[vertex] == CURVE:
-        after = ground.onward[at, out]
-        if after < 0:
-            return d0, d1, d2, -1
-        node = ground.segments[at, out]
-        came = 0 if ground.segments[after, 0] == node else 1
-        t0, t1, t2 = _tangent(after, ground)
-        standing.at[vertex], standing.u[vertex] = after, 1.0 if came == 1 else 0.0
-        if t0 == 0.0 and t1 == 0.0 and t2 == 0.0:  # a segment of no length: nowhere to go
-            standing.at[vertex], standing.u[vertex] = at, 1.0 if out == 1 else 0.0
-            return d0, d1, d2, -1
-        if came == 1:
-            return -t0, -t1, -t2, came
-        return t0, t1, t2, came
-    after = ground.beyond[at, out]
-    if after < 0:
-        return d0, d1, d2, -1
-    triangles, places = ground.triangles, ground.places
-    i, j = (out + 1) % 3, (out + 2) % 3
-    p, q = triangles[at, i], triangles[at, j]
-    far = standing.u[vertex]  # the coordinate that belongs to q
-    if j == 0:
-        far = 1.0 - standing.u[vertex] - standing.w[vertex]
-    elif j == 2:
-        far = standing.w[vertex]
-    came = 0
-    for k in range(3):
-        if triangles[after, k] != p and triangles[after, k] != q:
-            came = k
-    p_at = (came + 1) % 3
-    first = far if triangles[after, p_at] == q else 1.0 - far
-    u, w = first, 1.0 - first  # came == 0
-    if came == 1:  # p_at is 2, the other 0
-        u, w = 0.0, first
-    elif came == 2:  # p_at is 0, the other 1
-        u, w = 1.0 - first, 0.0
-    standing.at[vertex], standing.u[vertex], standing.w[vertex] = after, u, w
-    e0, e1, e2 = places[q, 0] - places[p, 0], places[q, 1] - places[p, 1], places[q, 2] - places[p, 2]
-    length = sqrt(e0 * e0 + e1 * e1 + e2 * e2)
-    e0, e1, e2 = e0 / length, e1 / length, e2 / length
-    along = d0 * e0 + d1 * e1 + d2 * e2
-    up = sqrt(max(1.0 - along * along, 0.0))
-    top = triangles[after, came]
-    f0, f1, f2 = places[top, 0] - places[p, 0], places[top, 1] - places[p, 1], places[top, 2] - places[p, 2]
-    base = f0 * e0 + f1 * e1 + f2 * e2
-    f0, f1, f2 = f0 - base * e0, f1 - base * e1, f2 - base * e2
-    up = up / sqrt(f0 * f0 + f1 * f1 + f2 * f2)
-    return along * e0 + up * f0, along * e1 + up * f1, along * e2 + up * f2, came
-
-
-def _put(points: np.ndarray, vertex: int, x0: float, x1: float, x2: float) -> None:
-    points[vertex, 0], points[vertex, 1] = x0, x1
-    if points.shape[1] == 3:
-        points[vertex, 2] = x2
-
-
-def _lines(walk: Walk, ring: int, direction: Vector, signed: bool, scratch: np.ndarray) -> int:
+def lay_out(walk: Walk, ring: int, direction: Vector, signed: bool, scratch: np.ndarray) -> int:
     """Lay out a ring and its lines; signed: whether corners of a surface that turned over are negative."""
     points, rings, ground, standing = walk.points, walk.rings, walk.ground, walk.standing
     d0, d1, d2 = direction
@@ -644,17 +437,17 @@ def _upright(walk: Walk, ring: int, x: Vector, at: int) -> bool:
             sides += 1
             after = stands[member]
             before = at if k == 0 else after
-            now = _side(points, y0, y1, y2, p, q, after, normals)
+            now = side(points, y0, y1, y2, p, q, after, normals)
             if not now > 0.0 and (
-                turned[number[lo + c]] or _side(points, x0, x1, x2, p, q, before, normals) > 0.0
+                turned[number[lo + c]] or side(points, x0, x1, x2, p, q, before, normals) > 0.0
             ):
                 return False
-        if sides == 0 and not _side(points, y0, y1, y2, p, q, corners.triangle[lo + c], normals) > 0.0:
+        if sides == 0 and not side(points, y0, y1, y2, p, q, corners.triangle[lo + c], normals) > 0.0:
             return False
     return True
 
 
-def _side(
+def side(
     points: np.ndarray, x0: float, x1: float, x2: float, p: int, q: int, facet: int, normals: np.ndarray
 ) -> float:
     """The area of the triangle x, p, q as seen from above a facet, positive if it is upright there."""

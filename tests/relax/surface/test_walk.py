@@ -6,71 +6,19 @@ from itertools import product
 
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
 from curved_parts import scanned, wavy
-from dvr_cli.api.boundary import moves_of
-from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality.badness import badness_of
 from dvr_cli.quality.mean_ratio import corner_qualities
-from dvr_cli.quality.vector import at_least, ring_minima
-from dvr_cli.relax.directions import random_field
-from dvr_cli.relax.engines.engine import Engine
-from dvr_cli.relax.engines.numpy_engine import NumpyEngine
+from dvr_cli.quality.vector import at_least
 from dvr_cli.relax.polish import Aim
-from dvr_cli.relax.problem import build_problem
-from dvr_cli.relax.steepest import NARROWING, OPTIMAL, STEEPEST
+from dvr_cli.relax.steepest import NARROWING, STEEPEST
 from dvr_cli.relax.surface.overlay import renew
-
-
-def walkers(mesh: Mesh, limit: float, angle: float = 60.0) -> tuple[Engine, object]:
-    """An engine at the input of a surface, and the domain."""
-    domain = domain_of(mesh)
-    moves = moves_of(mesh, domain, "project", np.ones(len(mesh.points), dtype=bool), angle)
-    problem = build_problem(domain.corners, moves.relaxed, domain.points, parts=moves.parts)
-    engine = NumpyEngine(problem.keeping_within(limit))
-    engine.load(domain.points)
-    return engine, domain
-
-
-def vector_of(engine: Engine, domain) -> np.ndarray:
-    """The quality vector over all relaxed vertices, computed without the engine."""
-    qualities = corner_qualities(engine.points, domain.corners)
-    return np.sort(ring_minima(qualities, domain.corners, len(engine.points))[engine.problem.relaxed])
-
-
-def nearest(triangles: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The distance of each query to the nearest of all triangles, and that triangle, by trimesh."""
-    distance, which = [], []
-    for some in np.array_split(queries, 1 + len(queries) * len(triangles) // 100_000):
-        each = np.repeat(some, len(triangles), axis=0)
-        feet = trimesh.triangles.closest_point(np.tile(triangles, (len(some), 1, 1)), each)
-        away = np.linalg.norm(feet - each, axis=1).reshape(len(some), -1)
-        which.append(away.argmin(axis=1))
-        distance.append(away.min(axis=1))
-    return np.concatenate(distance), np.concatenate(which)
-
-
-def steps(engine: Engine, domain, kind: str):
-    """Do a sweep, batch by batch."""
-    field = random_field(3, 1)
-    ascent = {"steepest": STEEPEST, "narrowing": NARROWING, "optimal": OPTIMAL}.get(kind)
-    directions = ascent or field(0, engine.relaxed_points, engine.problem.relaxed)
-    for batch in range(engine.batches):
-        yield engine.move_batch(batch, directions)
-
-
-SURFACES = {
-    "wavy": lambda: wavy(4, 0),
-    "with a crease": lambda: wavy(4, 0, crease=True),
-    "with a slit": lambda: wavy(4, 0, slit=True),
-    "three sheets": lambda: wavy(3, 0, fin=True),
-}
-
+from walking import SURFACES, nearest, steps, vector_of, walkers
 
 KINDS = ("random", "steepest", "narrowing", "optimal")
 USUAL = set(zip(SURFACES, KINDS, strict=True))

@@ -1,0 +1,8 @@
+"""The kernels of ``strides`` compiled."""
+
+from __future__ import annotations
+
+from dvr_cli.jit import compiled_over
+from dvr_cli.relax.surface import strides
+
+COMPILED = compiled_over(strides, ())

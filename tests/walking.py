@@ -1,0 +1,63 @@
+"""Engines whose vertices walk on surfaces, and what other libraries say of where they came."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+from curved_parts import wavy
+from dvr_cli.api.boundary import moves_of
+from dvr_cli.mesh.domain import domain_of
+from dvr_cli.mesh.mesh import Mesh
+from dvr_cli.quality.mean_ratio import corner_qualities
+from dvr_cli.quality.vector import ring_minima
+from dvr_cli.relax.directions import random_field
+from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.engines.numpy_engine import NumpyEngine
+from dvr_cli.relax.problem import build_problem
+from dvr_cli.relax.steepest import NARROWING, OPTIMAL, STEEPEST
+
+
+def walkers(mesh: Mesh, limit: float, angle: float = 60.0) -> tuple[Engine, object]:
+    """An engine at the input of a surface, and the domain."""
+    domain = domain_of(mesh)
+    moves = moves_of(mesh, domain, "project", np.ones(len(mesh.points), dtype=bool), angle)
+    problem = build_problem(domain.corners, moves.relaxed, domain.points, parts=moves.parts)
+    engine = NumpyEngine(problem.keeping_within(limit))
+    engine.load(domain.points)
+    return engine, domain
+
+
+def vector_of(engine: Engine, domain) -> np.ndarray:
+    """The quality vector over all relaxed vertices, computed without the engine."""
+    qualities = corner_qualities(engine.points, domain.corners)
+    return np.sort(ring_minima(qualities, domain.corners, len(engine.points))[engine.problem.relaxed])
+
+
+def nearest(triangles: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The distance of each query to the nearest of all triangles, and that triangle, by trimesh."""
+    distance, which = [], []
+    for some in np.array_split(queries, 1 + len(queries) * len(triangles) // 100_000):
+        each = np.repeat(some, len(triangles), axis=0)
+        feet = trimesh.triangles.closest_point(np.tile(triangles, (len(some), 1, 1)), each)
+        away = np.linalg.norm(feet - each, axis=1).reshape(len(some), -1)
+        which.append(away.argmin(axis=1))
+        distance.append(away.min(axis=1))
+    return np.concatenate(distance), np.concatenate(which)
+
+
+def steps(engine: Engine, domain, kind: str):
+    """Do a sweep, batch by batch."""
+    field = random_field(3, 1)
+    ascent = {"steepest": STEEPEST, "narrowing": NARROWING, "optimal": OPTIMAL}.get(kind)
+    directions = ascent or field(0, engine.relaxed_points, engine.problem.relaxed)
+    for batch in range(engine.batches):
+        yield engine.move_batch(batch, directions)
+
+
+SURFACES = {
+    "wavy": lambda: wavy(4, 0),
+    "with a crease": lambda: wavy(4, 0, crease=True),
+    "with a slit": lambda: wavy(4, 0, slit=True),
+    "three sheets": lambda: wavy(3, 0, fin=True),
+}
