@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,7 @@ def smooth_model(**options: Any) -> SmoothReport:
     place = OnModel(gmsh, source.mesh, domain, chosen.keeps_altitude)
     points, report = smooth_mesh(source.mesh, chosen, storage=place)
     _put(gmsh, source, points, place.parameters)
-    return report
+    return replace(report, put_back=place.put_back)
 
 
 def _mesh_of_model(gmsh: Any) -> GmshSource:

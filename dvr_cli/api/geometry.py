@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +34,7 @@ class OnModel:
     """A place for the result, whose vertices on curves and surfaces of a model end on these.
 
     parameters: of each of these vertices that moved, by its number, those of its place on the curve or
-    surface, as of the last ``stored``: one or two.
+    surface, as of the last ``stored``: one or two. put_back: how many vertices that had moved it put back.
     """
 
     def __init__(
@@ -52,12 +53,13 @@ class OnModel:
         self._before = mesh.points
         self._nodes = {entity: nodes for entity, nodes in mesh.entities.items() if has_geometry(gmsh, entity)}
         self.parameters: dict[int, np.ndarray] = {}
+        self.put_back = 0
 
     def stored(self, points: np.ndarray) -> np.ndarray:
         """The coordinates (N, 3), vertices of curves and surfaces on these as far as that does no harm."""
         result = points.copy()
         moved = np.asarray(differing(points, self._before).any(axis=1))
-        self.parameters = {}
+        self.parameters, self.put_back = {}, 0
         for entity, inside in self._nodes.items():
             nodes = inside[moved[inside]]
             if len(nodes):
@@ -92,6 +94,7 @@ class OnModel:
             if not len(back):
                 return
             points[back] = self._before[back]
+            self.put_back += len(back)
             for number in back.tolist():
                 self.parameters.pop(number, None)
 
@@ -129,7 +132,7 @@ def smooth_on_geometry(
         place = OnModel(gmsh, mesh, domain, options.keeps_altitude, storage)
         points, report = smooth_mesh(mesh, options, storage=place, **how)
     storage.keep_parameters(place.parameters)
-    return points, report
+    return points, replace(report, put_back=place.put_back)
 
 
 def gmsh_module(needed: str) -> Any:

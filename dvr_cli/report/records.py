@@ -154,6 +154,8 @@ class SmoothReport:
     left: the elements that are inverted or degenerate in the end, by reason: as for untangling.
     level: of care: the quality below which every element was cared for, None where only Q1 was.
     boundary: what became of a boundary or surface on which vertices walked, else None.
+    put_back: with a CAD model how many vertices that had moved went back to where the input has them, as an
+        element would have become too bad on the model; None without one.
     seconds: time of the relaxation, reading and writing aside.
     shape: what cells were measured against. plain: where some were kept, or in a metric, the qualities
         before and after with ideal targets for all. kept: (n,) bool, the cells of the domain that are kept as
@@ -175,6 +177,7 @@ class SmoothReport:
     left: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(TANGLED, 0))
     level: float | None = None
     boundary: BoundaryChange | None = None
+    put_back: int | None = None
     shape: ShapeUse = ShapeUse("ideal", 0, 1.0)
     plain: tuple[Quality, Quality] | None = None
     kept: np.ndarray | None = None
@@ -222,6 +225,7 @@ class SmoothReport:
             "left": dict(self.left),
             "level": self.level,
             "boundary": None if self.boundary is None else asdict(self.boundary),
+            "put_back": self.put_back,
             "shape": asdict(self.shape),
             "plain": None
             if self.plain is None

@@ -100,3 +100,10 @@ def boundary(change: BoundaryChange | None) -> list[str]:
     parts = [f"{name} {100.0 * value:+.2g} %" for name, value in changes if value is not None]
     apart = f"{change.deviation:.3g} from the input's at most (bound {change.max_deviation:.3g})"
     return [f"boundary: {'; '.join([apart, *parts])}"]
+
+
+def put_back(number: int | None) -> list[str]:
+    """The vertices that went back to where the input has them, for the sake of elements on a CAD model."""
+    if not number:
+        return []
+    return [f"geometry: {counted(number, 'point')} put back in place: an element would be too bad there"]

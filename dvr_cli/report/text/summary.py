@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 from dvr_cli.report.text.ending import ending
 from dvr_cli.report.text.lines import counted, digits, kind, row, side_by_side, wrap
 from dvr_cli.report.text.notes import in_metric, note_lines, stretched
-from dvr_cli.report.text.phases import boundary, morphing, polishing, tangled_left, unfolding, untangling
+from dvr_cli.report.text.phases import (
+    boundary,
+    morphing,
+    polishing,
+    put_back,
+    tangled_left,
+    unfolding,
+    untangling,
+)
 
 if TYPE_CHECKING:
     from dvr_cli.quality.limits import Limit
@@ -33,6 +41,7 @@ def smooth_text(report: SmoothReport, source: str, output: str, width: int | Non
         *ending(report),
         *polishing(report),
         *boundary(report.boundary),
+        *put_back(report.put_back),
         *([] if report.is_untouched else _limit(report.limited_by)),
         *note_lines(mesh, report.after),
     ]

@@ -21,6 +21,7 @@ from dvr_cli.relax.patches.solver import Patch, PatchEnergy, find_moves
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import Stopping
 from meshes import random_mesh
+from needs import require
 from walking import SURFACES, nearest, steps, vector_of, walkers
 
 WEIGHTS = np.array([w for w in np.ndindex(5, 5, 5) if sum(w) == 4]) / 4
@@ -227,3 +228,19 @@ def test_where_walking_would_go_too_far_the_other_vertices_of_a_patch_move_alone
     assert len(moved)
     assert not np.isin(moved, moves.parts.walking).any()
     assert at_least(vector_of(engine, domain), before)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", SURFACES)
+def test_engines_and_threads_agree_to_the_bit(name):
+    require("numba")
+    from dvr_cli.relax.engines.numba_engine import NumbaEngine
+
+    plain, _ = walkers(SURFACES[name](), 0.02, 40.0)
+    relax_patches(plain, Stopping(4))
+    for threads in (1, 3):
+        engine = NumbaEngine(plain.problem, threads)
+        engine.load(SURFACES[name]().points)
+        relax_patches(engine, Stopping(4))
+        assert engine.points.tobytes() == plain.points.tobytes()
+        assert engine.deviation() == plain.deviation()
