@@ -110,7 +110,7 @@ def _row(name: str, mesh: Layered) -> list[object]:
     )
     figures += [f"{others.min():.3f}", f"{others.max():.3f}"] if len(others) else ["-"] * 2
     figures += [f"{turned.max():.2f}°" if len(turned) else "-"]
-    for part in (rest, ~_of_layers(mesh, columns)):
+    for part in (rest, ~_of_layers(mesh, columns) & ~_beside(mesh, ~rest)):
         before, after = _qualities(mesh, mesh.points)[part], _qualities(mesh, points)[part]
         if len(before):
             figures += [f"{value:.4f}" for value in (before.min(), after.min(), before.mean(), after.mean())]
@@ -229,6 +229,17 @@ def _of_layers(mesh: Layered, columns: list[list[int]]) -> np.ndarray:
     for rows in mesh.cells.values():
         touched[rows[inside[rows].any(axis=1)]] = True
     return np.concatenate([touched[rows].any(axis=1) for rows in mesh.cells.values()])
+
+
+def _beside(mesh: Layered, cells: np.ndarray) -> np.ndarray:
+    """(n,) bool: those of ``cells`` ((n,) bool) and all with a vertex of one, in the order of the blocks."""
+    blocks = list(mesh.cells.values())
+    touched = np.zeros(len(mesh.points), dtype=bool)
+    for rows, part in zip(
+        blocks, np.split(cells, np.cumsum([len(rows) for rows in blocks])[:-1]), strict=True
+    ):
+        touched[rows[part]] = True
+    return np.concatenate([touched[rows].any(axis=1) for rows in blocks])
 
 
 def _qualities(mesh: Layered, points: np.ndarray) -> np.ndarray:

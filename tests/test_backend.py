@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dvr_cli.backend import COMPILED, NUMPY
-from dvr_cli.mesh import facets, interior, rings, simplex
+from dvr_cli.mesh import facets, interior, repeated, rings, simplex
 from dvr_cli.quality import altitudes, angles, mean_ratio, vector
 from dvr_cli.relax import altitudes as altitude_rule
 from dvr_cli.relax import problem, schedule
@@ -17,8 +17,9 @@ from needs import require
 
 TWINS = (
     *(facets.facet_order, interior.cancel_facets, interior.cancel_facets_of_simplices),
-    *(rings.incidence, rings.rings, simplex.determinants),
+    *(repeated.summed, rings.incidence, rings.rings, simplex.determinants),
     *(altitudes.extremes, angles.with_extreme_cosines, angles.with_extreme_turns),
+    angles.tetrahedra_with_extreme_cosines,
     altitude_rule.hold_altitudes,
     *(mean_ratio.corner_terms, mean_ratio.metric_norms, vector.lower),
     *(problem.touched_corners, neighbourhoods.choose, solver.solve_patch, solver.find_moves),

@@ -50,15 +50,16 @@ class Run:
         on_sweep: Callable[[Sweep], None] | None,
         interrupted: Callable[[], bool],
         rounding: float,
+        spent: float = 0.0,
     ) -> None:
         """Begin at the points of the domain; on_sweep, interrupted: see ``sweeps.relax``.
 
-        rounding: of the result's coordinates, see ``altitude_bound``.
+        rounding: of the result's coordinates, see ``altitude_bound``. spent: seconds that a run before took.
         """
         self._domain, self._moves, self._engine, self._options = domain, moves, engine, options
         self._rounding = rounding
         self._on_sweep, self._interrupted = on_sweep, interrupted
-        self._began = time.perf_counter()
+        self._began = time.perf_counter() - spent
         self._start = moves.start(domain.points)
         self.points = self._start
         self.stopped_because = StopReason.NOTHING_TO_RELAX

@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from dvr_cli.api.altitudes import Rounding, lowers_altitude, rounding_of
+from dvr_cli.api.away_from_layers import weighted
 from dvr_cli.api.boundary import bound_of, held_by_shape, moves_of
 from dvr_cli.api.options import BOUNDARIES, BOUNDARY_KEEPS, SmoothOptions
 from dvr_cli.api.phases import Run
@@ -53,6 +54,18 @@ class Storage(Rounding, Protocol):
 _Make = Callable[[EngineKind, Problem, int | None], Engine]
 
 
+class _Attempt(NamedTuple):
+    """One of the runs that may be needed.
+
+    unfolds: whether what lies folded is unfolded first. weight: (n,) what the qualities of cells are divided
+    by, as a run before has shown to be needed, None if there was none; spent: its seconds.
+    """
+
+    unfolds: bool
+    weight: np.ndarray | None = None
+    spent: float = 0.0
+
+
 def smooth_mesh(
     mesh: Mesh,
     options: SmoothOptions,
@@ -75,10 +88,10 @@ def smooth_mesh(
     """
     how = storage, on_sweep, interrupted, means, make
     if options.is_free and options.stopping.max_iterations:
-        result = _smoothed(mesh, options, *how, unfolds=True)
+        result = _smoothed(mesh, options, *how, _Attempt(unfolds=True))
         if result is not None:
             return result
-    result = _smoothed(mesh, options, *how, unfolds=False)
+    result = _smoothed(mesh, options, *how, _Attempt(unfolds=False))
     assert result is not None
     return result
 
@@ -91,9 +104,10 @@ def _smoothed(
     interrupted: Callable[[], bool],
     means: bool,
     make: _Make | None,
-    unfolds: bool,
+    attempt: _Attempt,
 ) -> tuple[np.ndarray, SmoothReport] | None:
-    """See ``smooth_mesh``; unfolds: whether what lies folded is unfolded first, None if that does no good."""
+    """See ``smooth_mesh``; None if unfolding first does no good."""
+    how = storage, on_sweep, interrupted, means, make
     vertices, sweeps = len(mesh.points), options.stopping.max_iterations
     choose = partial(choose_engine, options.engine, vertices, sweeps, options.takes_patches)
     of_mesh = {"planar": mesh.is_planar, "measured": options.metric is not None}
@@ -104,7 +118,7 @@ def _smoothed(
     masks = options.selection.masks(mesh, domain)
     selected = np.logical_and.reduce([mesh.unlinked, ~shapes.held, *masks.values()])
     bound = bound_of(domain, options.max_deviation)
-    how_far = bound if unfolds else None
+    how_far = bound if attempt.unfolds else None
     moves = moves_of(mesh, domain, options.boundary, selected, options.feature_angle, how_far)
     relaxed = moves.relaxed
     if moves.parts is not None:
@@ -117,16 +131,20 @@ def _smoothed(
     before = measure(domain, mesh.points, relaxed, by_corner=shapes.own_quality)
     untangling = untangles(options, domain, before)
     start = time.perf_counter()
-    how = options.order, options.seed, kind.backend, moves.within, moves.parts
     start_points = moves.start(domain.points)
-    problem = build_problem(domain.corners, relaxed, start_points, *how)
+    parts = options.order, options.seed, kind.backend, moves.within, moves.parts
+    corners = domain.corners if attempt.weight is None else weighted(domain.corners, attempt.weight)
+    problem = build_problem(corners, relaxed, start_points, *parts)
     rounding = rounding_of(domain, mesh.points, relaxed, storage) if options.keeps_altitude else 0.0
     mean: dict[int, float] = {}
     for share in _SHARES if moves.parts is not None else _SHARES[:1]:
         problem = problem.keeping_within(share * bound)
         engine = (make or EngineKind.make)(kind, problem, options.threads)
         hook = _record_means(mean, engine, domain, on_sweep) if means else on_sweep
-        run, reference = Run(domain, moves, engine, options, hook, interrupted, rounding), before
+        run, reference = (
+            Run(domain, moves, engine, options, hook, interrupted, rounding, attempt.spent),
+            before,
+        )
         if untangling:
             run.untangle()
             after = measure(domain, domain.lift(mesh.points, run.points), relaxed)
@@ -164,7 +182,13 @@ def _smoothed(
             run.undo(bound)
             points, after = result_of()
             break
-    seconds = time.perf_counter() - start
+    if shapes.kept_cells is not None and options.stopping.target is None:
+        from dvr_cli.api.away_from_layers import weights_needed  # most meshes have no layers
+
+        weight = weights_needed(domain, shapes.kept_cells, before, after, attempt.weight)
+        if weight is not None and not run.stopped_because.cuts_short:
+            return _smoothed(mesh, options, *how, attempt._replace(weight=weight, spent=run.seconds))
+    seconds = time.perf_counter() - start + attempt.spent
     left = tangled_left(domain, moves, points, after)
     if run.untangling is not None:
         run.phases.insert(0, untangle_phase(run.untangling, left))

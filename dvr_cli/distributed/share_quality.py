@@ -12,7 +12,7 @@ from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.hashing import mixed
 from dvr_cli.mesh.sums import mean_of_total, total
 from dvr_cli.quality.mean_ratio import DEGENERATE, EXPONENT, corner_qualities
-from dvr_cli.quality.measure import HISTOGRAM_BINS, QUANTILES, Element, Quality, element_of, quantile_places
+from dvr_cli.quality.measure import QUANTILES, Element, Quality, element_of, histogram, quantile_places
 from dvr_cli.quality.measures import measured
 from dvr_cli.quality.vector import ring_minima
 
@@ -45,10 +45,9 @@ def quality_of(comm: Any, view: View, points: np.ndarray, vector: bool) -> Quali
     domain, corners = view.domain, view.domain.corners
     by_corner = corner_qualities(points, corners, domain.backend)
     elements = by_corner[view.cells]
-    touched = view.relaxed[corners.vertices].any(axis=1)
+    touched = corners.with_vertex_in(view.relaxed)
     minima = _minima(view, points, by_corner)
     count = comm.allreduce(len(elements))
-    counts, _ = np.histogram(np.clip(elements, 0.0, 1.0), bins=HISTOGRAM_BINS, range=(0.0, 1.0))
     mean = mean_of_total(comm.allreduce(total(elements, EXPONENT)), count, EXPONENT)
     worst = _first(comm, view, points, by_corner, view.cells, _WORST)
     q1 = _first(comm, view, points, by_corner, view.cells & touched, 1)
@@ -65,7 +64,7 @@ def quality_of(comm: Any, view: View, points: np.ndarray, vector: bool) -> Quali
         uncertain=0,
         degenerate=comm.allreduce(int((np.abs(elements) <= DEGENERATE).sum())),
         measures=_measures(comm, measured(domain, points)),
-        histogram=sum(comm.allgather(counts)),
+        histogram=sum(comm.allgather(histogram(ordered))),
         worst=worst,
         elements=np.empty(0),
         **_vector(comm, minima, view.index, vector),

@@ -89,8 +89,7 @@ class Vicinity:
         """The relaxed vertices of each corner by place in ``relaxed``, or -1; the corners of each."""
         place = np.full(len(self.number), -1, dtype=np.int32)
         place[self.relaxed] = np.arange(len(self.relaxed))
-        members = place[self.vertices]
-        start, corner, _ = self.backend.twin(incidence)(members, len(self.relaxed))
+        start, corner, _, members = self.backend.twin(incidence)(self.vertices, place, len(self.relaxed))
         return members, start, corner
 
 
@@ -104,8 +103,8 @@ class Vicinities:
         self._own = np.sort(problem.rings.vertices)
         row = np.full(len(share.number), -1, dtype=np.int32)
         row[self._own] = np.arange(len(self._own))
-        members = row[problem.touched.vertices]
-        self._start, self._corner, _ = engine.backend.twin(incidence)(members, len(self._own))
+        found = engine.backend.twin(incidence)(problem.touched.vertices, row, len(self._own))
+        self._start, self._corner = found[:2]
         self._colour = np.full(len(share.number), -1, dtype=np.int32)
         batches = np.arange(len(problem.batch_start) - 1)
         self._colour[problem.rings.vertices] = np.repeat(batches, np.diff(problem.batch_start))

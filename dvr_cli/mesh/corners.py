@@ -143,6 +143,10 @@ class Simplices:
         """d: 2 or 3."""
         return self.vertices.shape[1] - 1
 
+    def with_vertex_in(self, marked: np.ndarray) -> np.ndarray:
+        """(C,) bool: the corners that have a vertex among those ``marked`` ((N,) bool)."""
+        return np.logical_or.reduce([marked[vertex] for vertex in self.vertices.T])
+
     def part(self, which: np.ndarray | slice) -> Simplices:
         """Some of the corners, given by number, by mask or as a slice."""
         held = None if self.held is None else self.held[which]

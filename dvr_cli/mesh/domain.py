@@ -146,7 +146,7 @@ def domain_of(
     start = np.concatenate([[0], np.cumsum([len(block.vertices) for block in mesh.cells])])
     cell_ids = np.concatenate([np.arange(start[b], start[b + 1]) for b in blocks])
     region, divided_by = regions_of(mesh, blocks, regions)
-    again, original = repeated_cells(stored, len(mesh.points))
+    again, original = repeated_cells(stored, len(mesh.points), backend)
     repeated = np.stack([cell_ids[again], cell_ids[original]], axis=1)
     if len(again):
         stored = without(stored, again)

@@ -27,7 +27,7 @@ def morton_codes(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.nd
 
 
 def _spread(x: np.ndarray, d: int) -> np.ndarray:
-    """Insert d - 1 zero bits between the bits of x."""
+    """Insert d - 1 zero bits between the bits of x (n,)."""
     steps: tuple[tuple[int, int], ...]
     if d == 2:
         steps = ((16, 0x0000FFFF0000FFFF), (8, 0x00FF00FF00FF00FF), (4, 0x0F0F0F0F0F0F0F0F))
@@ -35,6 +35,8 @@ def _spread(x: np.ndarray, d: int) -> np.ndarray:
     else:
         steps = ((32, 0x001F00000000FFFF), (16, 0x001F0000FF0000FF), (8, 0x100F00F00F00F00F))
         steps += ((4, 0x10C30C30C30C30C3), (2, 0x1249249249249249))
+    x = x.copy()
     for shift, mask in steps:
-        x = (x | x << shift) & mask
+        x |= x << shift
+        x &= mask
     return x

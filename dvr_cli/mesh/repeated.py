@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
+from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.hashing import mixed
 from dvr_cli.mesh.mesh import Cells
 
 
-def repeated_cells(blocks: list[Cells], n_points: int) -> tuple[np.ndarray, np.ndarray]:
+def repeated_cells(
+    blocks: list[Cells], n_points: int, backend: Backend = NUMPY
+) -> tuple[np.ndarray, np.ndarray]:
     """The cells (r,) that repeat another one, ascending, and the first cell (r,) with the vertices of each.
 
     Cells are numbered through the blocks, which are of linear cells of one dimension. A random number that
     depends on their vertices tells them apart (two are equal by chance with a probability of 2^-64).
+    backend: what computes; the result is the same.
     """
     of_vertex = mixed(np.arange(1, n_points + 1, dtype=np.uint64))
     with np.errstate(over="ignore"):  # numbers are modulo 2^64
-        sums = [
-            sum((of_vertex[column] for column in block.vertices.T[1:]), of_vertex[block.vertices[:, 0]])
-            for block in blocks
-        ]
+        sums = [backend.twin(summed)(of_vertex, block.vertices) for block in blocks]
     key = np.concatenate([np.empty(0, dtype=np.uint64), *sums])
     ascending = np.sort(key)  # many times as fast as finding out which is where
     if not (ascending[1:] == ascending[:-1]).any():
@@ -28,6 +29,11 @@ def repeated_cells(blocks: list[Cells], n_points: int) -> tuple[np.ndarray, np.n
     original = first[number]
     again = np.flatnonzero(original != np.arange(len(key)))
     return again, original[again]
+
+
+def summed(of_vertex: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """(n,) the sums of the numbers (N,) of the vertices of cells (n, k)."""
+    return sum((of_vertex[column] for column in vertices.T[1:]), of_vertex[vertices[:, 0]])
 
 
 def without(blocks: list[Cells], cells: np.ndarray) -> list[Cells]:

@@ -76,14 +76,20 @@ def incidence_of(
     """
     number = np.full(n_points, -1, dtype=np.int32)
     number[vertices] = np.arange(len(vertices))
-    members = number[corners.vertices]
-    return Incidence(vertices.astype(np.int32), *backend.twin(incidence)(members, len(vertices)), members)
+    parts = backend.twin(incidence)(corners.vertices, number, len(vertices))
+    return Incidence(vertices.astype(np.int32), *parts)
 
 
-def incidence(members: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Offsets (n + 1,), and corner and place in it of each entry, by vertex 0..n-1; see ``Incidence``."""
+def incidence(
+    vertices: np.ndarray, number: np.ndarray, n: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Offsets (n + 1,), corner and place in it of each entry, by vertex 0..n-1, members; see ``Incidence``.
+
+    vertices: (C, d+1) of the corners. number: (N,) which of the n vertices each is, -1 for others.
+    """
+    members = number[vertices]
     position, start = group(members.ravel(), n)
-    return start, *np.divmod(position, members.shape[1])
+    return start, *np.divmod(position, members.shape[1]), members
 
 
 def rings(

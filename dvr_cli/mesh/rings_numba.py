@@ -8,13 +8,18 @@ from dvr_cli.jit import compiled
 
 
 @compiled
-def incidence(members: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def incidence(
+    vertices: np.ndarray, number: np.ndarray, n: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """As ``rings.incidence``."""
     start = np.zeros(n + 1, dtype=np.int64)
+    members = np.empty((len(vertices), vertices.shape[1]), dtype=np.int32)
     for c in range(len(members)):
         for k in range(members.shape[1]):
-            if members[c, k] >= 0:
-                start[members[c, k] + 1] += 1
+            i = number[vertices[c, k]]
+            members[c, k] = i
+            if i >= 0:
+                start[i + 1] += 1
     for i in range(n):
         start[i + 1] += start[i]
     fill = start[:-1].copy()
@@ -26,7 +31,7 @@ def incidence(members: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.n
             if i >= 0:
                 corner[fill[i]], place[fill[i]] = c, k
                 fill[i] += 1
-    return start, corner, place
+    return start, corner, place, members
 
 
 @compiled

@@ -71,6 +71,8 @@ def _with_extreme_cosines(
     points: np.ndarray, vertices: np.ndarray, cell_type: CellType, backend: Backend
 ) -> np.ndarray:
     """(n,) bool: the few of the cells (n, k) that may have their smallest or largest dihedral angle."""
+    if cell_type.is_simplex:
+        return backend.twin(tetrahedra_with_extreme_cosines)(points, vertices, _NEAR)
     faces = cell_type.facets
     padded = np.array([[*face, face[-1]][:4] for face in faces])
     pairs = np.array(neighbouring_facets(faces))
@@ -85,6 +87,11 @@ def with_extreme_cosines(
     points: (N, 3); vertices: (n, k); faces: (F, 4) local vertices, of a triangle the last repeated; pairs:
     (E, 2) of faces with a common edge; near: by how much less extreme cosines count, too.
     """
+    return np.ones(len(vertices), dtype=bool)
+
+
+def tetrahedra_with_extreme_cosines(points: np.ndarray, vertices: np.ndarray, near: float) -> np.ndarray:
+    """The same for tetrahedra ``vertices`` (n, 4)."""
     return np.ones(len(vertices), dtype=bool)
 
 
@@ -104,10 +111,10 @@ def _extreme_dihedral_angles(
     for i, j in neighbouring_facets(cell_type.facets):
         size = lengths[i] * lengths[j]
         cosine = np.divide(dot(normals[i], normals[j]), size, out=np.full(len(size), np.nan), where=size > 0)
-        if np.isnan(cosine).all():
-            continue
         # the angle falls with the cosine, but near 0 and 180 degrees the sine tells it better
-        low, high = np.nanmin(cosine), np.nanmax(cosine)
+        low, high = np.fmin.reduce(cosine), np.fmax.reduce(cosine)
+        if np.isnan(low):
+            continue
         extreme = np.flatnonzero((cosine <= low + _NEAR) | (cosine >= high - _NEAR))
         a, b = ([component[extreme] for component in normal] for normal in (normals[i], normals[j]))
         across = cross(a, b)

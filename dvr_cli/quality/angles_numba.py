@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, inlined
 
 
 @compiled
@@ -33,6 +33,39 @@ def with_extreme_cosines(
                 extreme[c] = True
                 low, high = min(low, inner / size), max(high, inner / size)
     return extreme
+
+
+@compiled
+def tetrahedra_with_extreme_cosines(points: np.ndarray, vertices: np.ndarray, near: float) -> np.ndarray:
+    """As ``with_extreme_cosines``."""
+    extreme = np.zeros(len(vertices), dtype=np.bool_)
+    low, high = np.inf, -np.inf
+    for c in range(len(vertices)):
+        o, p, q, r = vertices[c, 0], vertices[c, 1], vertices[c, 2], vertices[c, 3]
+        normals = (
+            _normal(points, o, q, p),
+            _normal(points, o, p, r),
+            _normal(points, p, q, r),
+            _normal(points, o, r, q),
+        )
+        for i in range(4):
+            for j in range(i):
+                size = normals[i][3] * normals[j][3]
+                inner = normals[i][0] * normals[j][0] + normals[i][1] * normals[j][1]
+                inner += normals[i][2] * normals[j][2]
+                if size > 0 and (inner >= (high - near) * size or inner <= (low + near) * size):
+                    extreme[c] = True
+                    low, high = min(low, inner / size), max(high, inner / size)
+    return extreme
+
+
+@inlined
+def _normal(points: np.ndarray, p: int, q: int, r: int) -> tuple[float, float, float, float]:
+    """``angles.face_normal`` of a triangle, and its length."""
+    a0, a1, a2 = points[r, 0] - points[p, 0], points[r, 1] - points[p, 1], points[r, 2] - points[p, 2]
+    b0, b1, b2 = points[r, 0] - points[q, 0], points[r, 1] - points[q, 1], points[r, 2] - points[q, 2]
+    n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    return n0, n1, n2, np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
 
 
 @compiled

@@ -89,23 +89,23 @@ def measure(
     turned[bad] = True
     moves = np.zeros(len(points), dtype=bool)
     moves[relaxed] = True
-    touched = moves[corners.vertices].any(axis=1)
+    touched = corners.with_vertex_in(moves)
     minima = ring_minima(by_corner, corners, len(points), domain.backend)[relaxed]
     order = np.lexsort((relaxed, minima))
-    counts, _ = np.histogram(np.clip(elements, 0.0, 1.0), bins=HISTOGRAM_BINS, range=(0.0, 1.0))
+    ascending = np.sort(elements)
     return Quality(
         q1=float(minima.min()) if len(relaxed) else None,
         q1_element=_q1_element(domain, points, by_corner, touched, elements),
         fixed_cap=_fixed_cap(domain, by_corner, touched, elements, bad),
-        minimum=float(elements.min()),
+        minimum=float(ascending[0]),
         mean=mean_quality(elements),
-        quantiles=_quantiles(elements),
+        quantiles=_quantiles(ascending),
         inverted=int(turned.sum()),
         uncertain=int((~turned[unclear]).sum()),
         degenerate=int(((np.abs(elements) <= DEGENERATE) & ~turned).sum()),
         measures=measured(domain, flat),
-        histogram=counts,
-        worst=_worst(domain, points, elements, worst),
+        histogram=histogram(ascending),
+        worst=_worst(domain, points, elements, ascending[:worst]),
         vector=minima[order],
         vertices=relaxed[order],
         elements=elements,
@@ -157,11 +157,16 @@ def cell_field(mesh: Mesh, values: np.ndarray) -> list[np.ndarray]:
     return np.split(field, start[1:-1])
 
 
-def _quantiles(elements: np.ndarray) -> dict[float, float]:
-    """Quantiles with linear interpolation between the two sorted values on either side."""
-    places, sides = quantile_places(len(elements))
-    ordered = np.partition(elements, sorted({k for side in sides.values() for k in side}))
-    return {q: float(np.interp(places[q], sides[q], ordered[list(sides[q])])) for q in QUANTILES}
+def histogram(ascending: np.ndarray) -> np.ndarray:
+    """(HISTOGRAM_BINS,) how many of the sorted values (n,) are in each bin, see ``Quality``."""
+    edges = np.linspace(0.0, 1.0, HISTOGRAM_BINS + 1)
+    return np.diff(np.searchsorted(ascending, edges[1:-1]), prepend=0, append=len(ascending))
+
+
+def _quantiles(ascending: np.ndarray) -> dict[float, float]:
+    """Quantiles with linear interpolation between the two of the sorted values on either side."""
+    places, sides = quantile_places(len(ascending))
+    return {q: float(np.interp(places[q], sides[q], ascending[list(sides[q])])) for q in QUANTILES}
 
 
 def quantile_places(n: int) -> tuple[dict[float, float], dict[float, tuple[int, int]]]:
@@ -180,23 +185,23 @@ def _q1_element(
     return element_of(domain, points, elements, cell)
 
 
-def _worst(domain: Domain, points: np.ndarray, elements: np.ndarray, number: int) -> list[Element]:
-    number = min(number, len(elements))
-    candidates = np.argpartition(elements, number - 1)[:number] if number else np.empty(0, dtype=np.int64)
-    # ties at the edge of the list would depend on the partition: take all of them, then sort by id
-    candidates = np.flatnonzero(elements <= elements[candidates].max()) if number else candidates
-    ordered = candidates[np.lexsort((candidates, elements[candidates]))][:number]
+def _worst(domain: Domain, points: np.ndarray, elements: np.ndarray, lowest: np.ndarray) -> list[Element]:
+    """The elements with the ``lowest`` qualities (k,), equal ones by their ids."""
+    candidates = np.flatnonzero(elements <= lowest.max(initial=-np.inf))
+    ordered = candidates[np.argsort(elements[candidates], kind="stable")][: len(lowest)]
     return [element_of(domain, points, elements, int(cell)) for cell in ordered]
 
 
 def element_of(domain: Domain, points: np.ndarray, elements: np.ndarray, cell: int) -> Element:
     """The element with number ``cell`` among those of the domain; elements: (n,) the value of each."""
-    start = np.cumsum([0, *(len(block.vertices) for block in domain.cells)])
-    block = int(np.searchsorted(start, cell, side="right")) - 1
-    vertices = domain.cells[block].vertices[cell - start[block]]
+    blocks = iter(domain.cells)
+    block, place = next(blocks), cell
+    while place >= len(block.vertices):
+        place -= len(block.vertices)
+        block = next(blocks)
     return Element(
-        cell_type=domain.cells[block].type,
+        cell_type=block.type,
         cell=int(domain.cell_ids[cell]),
         quality=float(elements[cell]),
-        centroid=[float(x) for x in points[vertices].mean(axis=0)],
+        centroid=points[block.vertices[place]].mean(axis=0).tolist(),
     )

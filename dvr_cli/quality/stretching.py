@@ -134,7 +134,7 @@ class _Cells:
         reached = within_rings(
             [block.vertices for block in self._blocks], self.with_vertices(chosen), rings - 1
         )
-        return self._corners.by_cell(np.logical_or, reached[self._corners.vertices].any(axis=1))
+        return self._corners.by_cell(np.logical_or, self._corners.with_vertex_in(reached))
 
     def grown(self, seeds: np.ndarray, eligible: np.ndarray) -> np.ndarray:
         """(n,) bool: the ``eligible`` cells ((n,) bool) that hang together with a seed, given by number."""
@@ -202,7 +202,7 @@ def candidates(
     positive: (n,) bool, the cells that have a shape.
     """
     dimension = vertices.shape[1] - 1
-    most = np.add.reduceat(_largest_log_aspect(quality, dimension), start[:-1]) / np.diff(start)
+    most = np.add.reduceat(largest_log_aspect(quality, dimension), start[:-1]) / np.diff(start)
     most = most[:, None]
     for _ in range(3):
         most = averaged(most, vertices, start, len(points))
@@ -234,11 +234,11 @@ def averaged(values: np.ndarray, vertices: np.ndarray, start: np.ndarray, n_poin
 
 
 def _best_quality(aspect: float, dimension: int) -> float:
-    """The quality that no corner of this aspect exceeds; see ``_largest_log_aspect``."""
+    """The quality that no corner of this aspect exceeds; see ``largest_log_aspect``."""
     return float((2.0 / (aspect + 1.0 / aspect)) ** (2.0 / dimension))
 
 
-def _largest_log_aspect(quality: np.ndarray, dimension: int) -> np.ndarray:
+def largest_log_aspect(quality: np.ndarray, dimension: int) -> np.ndarray:
     """(C,) ln α of corners of this quality at most: α + 1/α ≤ 2 Q^(-d/2), equal for d = 2; 0 if inverted."""
     power = np.clip(quality, 1e-100, 1.0) ** (-dimension / 2.0)
     return np.where(quality > 0, np.arccosh(power), 0.0)

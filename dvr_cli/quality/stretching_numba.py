@@ -7,12 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from dvr_cli.jit import PLANAR, compiled, compiled_by_kind, inlined, part
-from dvr_cli.quality.stretching import LIKELY, SEED
+from dvr_cli.quality.stretching import LIKELY, SEED, largest_log_aspect
 
 _LEVEL = np.log(LIKELY)
 _ALLOWED = np.log(SEED) * (1.0 - 1e-9)  # a bound, to rounding
 _SLIVER = 0.2  # quality below which a cell is bounded by itself: measured, this leaves fewest vertices
 _FAR = 127  # rings, or more
+_STEPS = 1024  # of quality, for each of which there is the largest ln α that it allows, in 2D and in 3D
+_ALLOWED_2D, _ALLOWED_3D = (largest_log_aspect(np.arange(_STEPS + 1) / _STEPS, d) for d in (2, 3))
 _FLAT = 1e-14  # least eigenvalue of A Aᵀ, relative to the largest, that is told from zero
 _ALIKE = 1e-3  # relative difference of eigenvalues below which their logarithms differ as they do
 
@@ -69,7 +71,7 @@ def candidates(
     not above the largest of theirs. Bounds that cost less tell where these are looked at.
     """
     count, by_quality = np.zeros(len(points)), np.zeros(len(points))
-    allowed = _allowed_by_quality(vertices, start, quality, positive, count, by_quality)
+    allowed = _allowed_by_quality(points, vertices, start, quality, positive, count, by_quality)
     if not allowed.any():
         return allowed
     mesh = _Arrays(points, vertices, shapes, start, root, quality, positive)
@@ -85,7 +87,7 @@ def _likely(
     Few meshes need it, so it is a kernel of its own. count, by_quality: see ``_allowed_by_quality``.
     """
     vertices, start = mesh.vertices, mesh.start
-    n, n_points, width = len(start) - 1, len(points), vertices.shape[1]
+    n, n_points = len(start) - 1, len(points)
     rings = np.full(n_points, _FAR, dtype=np.int8)
     for cell in range(n):
         if result[cell]:
@@ -95,31 +97,31 @@ def _likely(
     for ring in range(3):
         _spread(vertices, start, every, rings, least, ring)
     near = np.flatnonzero(least < _FAR)
-    found = False
     for vertex in range(n_points):  # from now on rings are counted from vertices with such an average
         rings[vertex] = 0 if rings[vertex] <= 2 and by_quality[vertex] >= _LEVEL else _FAR
-        found = found or rings[vertex] == 0
-    if found:
-        bounds = np.zeros((n_points, 4 if width == 3 else 13))
-        _sum_bounds(mesh, near, rings, bounds)
-        for vertex in range(n_points):
-            if rings[vertex] == 0 and _bound(bounds[vertex], count[vertex]) < _LEVEL:
-                rings[vertex] = _FAR
-    parts = width * (width - 1) // 2
-    total = np.zeros((n_points, parts))
-    _sum_stretching(mesh, near, rings, total)
-    for vertex in range(n_points):
-        if rings[vertex] == 0 and _log_aspect(total[vertex]) < _LEVEL * count[vertex]:
-            rings[vertex] = _FAR
-    least[:] = _FAR
-    for ring in range(3):
-        _spread(vertices, start, near, rings, least, ring)
+    bounds = np.zeros((n_points, 4 if PLANAR else 13))
+    _sum_bounds(mesh, near, rings, bounds)
     found = False
-    for cell in range(n):
-        result[cell] = result[cell] and least[cell] <= 2
-        found = found or result[cell]
+    for vertex in range(n_points):
+        if rings[vertex] == 0 and _bound(bounds[vertex], count[vertex]) < _LEVEL:
+            rings[vertex] = _FAR
+        found = found or rings[vertex] == 0
+    parts = 3 if PLANAR else 6
+    total = np.zeros((n_points, parts))
+    if found:
+        _sum_stretching(mesh, near, rings, total)
+        for vertex in range(n_points):
+            if rings[vertex] == 0 and _log_aspect(total[vertex]) < _LEVEL * count[vertex]:
+                rings[vertex] = _FAR
+        least[:] = _FAR
+        for ring in range(3):
+            _spread(vertices, start, near, rings, least, ring)
+        found = False
+        for cell in range(n):
+            result[cell] = result[cell] and least[cell] <= 2
+            found = found or result[cell]
     if not found:
-        return result
+        return np.zeros(n, dtype=np.bool_)
     for ring in range(3, 6):
         _spread(vertices, start, near, rings, least, ring)
     total[:] = 0.0
@@ -135,8 +137,9 @@ def _likely(
     return result
 
 
-@compiled
+@compiled_by_kind
 def _allowed_by_quality(
+    points: np.ndarray,
     vertices: np.ndarray,
     start: np.ndarray,
     quality: np.ndarray,
@@ -150,44 +153,57 @@ def _allowed_by_quality(
     the largest before it, so that most meshes end after the first. ``first`` (N,) is filled with that, and
     ``count`` with the number of corners of each vertex.
     """
-    n, width = len(start) - 1, vertices.shape[1]
-    value = np.zeros(n)
+    n, n_points = len(start) - 1, len(points)
+    width = 3 if PLANAR else 4
+    result = np.zeros(n, dtype=np.bool_)
     for cell in range(n):
+        value = 0.0
         if positive[cell]:
             for c in range(start[cell], start[cell + 1]):
-                value[cell] += _largest_log_aspect(quality[c], width)
-            value[cell] /= start[cell + 1] - start[cell]
-    if value.max() < _ALLOWED:
-        return np.zeros(n, dtype=np.bool_)
+                value += _allowed_log_aspect(quality[c])
+            value /= start[cell + 1] - start[cell]
+        for c in range(start[cell], start[cell + 1]):
+            for k in range(width):
+                first[vertices[c, k]] += value
+                count[vertices[c, k]] += 1.0
     total = first
     for average in range(3):
-        if average > 0:
-            total = np.zeros(len(count))
-        for cell in range(n):
-            for c in range(start[cell], start[cell + 1]):
-                for k in range(width):
-                    total[vertices[c, k]] += value[cell]
-                    if average == 0:
-                        count[vertices[c, k]] += 1.0
         largest = 0.0
-        for vertex in range(len(count)):
+        for vertex in range(n_points):
             total[vertex] /= max(count[vertex], 1.0)
             largest = max(largest, total[vertex])
         if largest < _ALLOWED:
-            return np.zeros(n, dtype=np.bool_)
+            return result
+        following = np.zeros(n_points)
         for cell in range(n):
-            value[cell] = 0.0
+            value = 0.0
             for c in range(start[cell], start[cell + 1]):
                 for k in range(width):
-                    value[cell] += total[vertices[c, k]]
-            value[cell] /= (start[cell + 1] - start[cell]) * width
-    return value >= _ALLOWED
+                    value += total[vertices[c, k]]
+            value /= (start[cell + 1] - start[cell]) * width
+            if average == 2:
+                result[cell] = value >= _ALLOWED
+                continue
+            for c in range(start[cell], start[cell + 1]):
+                for k in range(width):
+                    following[vertices[c, k]] += value
+        total = following
+    return result
 
 
 @inlined
-def _largest_log_aspect(quality: float, width: int) -> float:
-    """As ``stretching``'s, of one corner of positive quality with so many vertices."""
-    x = 1.0 / (quality if width == 3 else quality * np.sqrt(quality))  # α + 1/α ≤ 2 x
+def _allowed_log_aspect(quality: float) -> float:
+    """No less than ``largest_log_aspect`` of a corner of positive quality, and little more."""
+    step = int(quality * _STEPS)
+    if step == 0:
+        return _largest_log_aspect(quality)
+    return _ALLOWED_2D[step] if PLANAR else _ALLOWED_3D[step]
+
+
+@inlined
+def _largest_log_aspect(quality: float) -> float:
+    """As ``largest_log_aspect``, of one corner of positive quality."""
+    x = 1.0 / (quality if PLANAR else quality * np.sqrt(quality))  # α + 1/α ≤ 2 x
     return np.log(x + np.sqrt(max(x * x - 1.0, 0.0)))
 
 
@@ -199,7 +215,7 @@ def _sum_bounds(mesh: _Arrays, cells: np.ndarray, rings: np.ndarray, total: np.n
     of all others, so that the identity stands for it.
     """
     points, vertices, shapes, start, root, quality, positive = mesh
-    width, parts = vertices.shape[1], total.shape[1]
+    width, parts = 3 if PLANAR else 4, 4 if PLANAR else 13
     here = np.empty(parts)
     for cell in cells:
         if not _has(vertices, start, rings, cell, _FAR - 1):
@@ -217,7 +233,7 @@ def _sum_bounds(mesh: _Arrays, cells: np.ndarray, rings: np.ndarray, total: np.n
                 if width == 4:
                     here[i + 6] += 1.0
             if positive[cell]:
-                here[parts - 1] += _largest_log_aspect(quality[c], width)
+                here[parts - 1] += _largest_log_aspect(quality[c])
         share = 1.0 / (start[cell + 1] - start[cell])
         for i in range(parts):
             here[i] *= share
@@ -260,7 +276,7 @@ def _squared_norm(total: np.ndarray, i: int) -> float:
 def _sum_stretching(mesh: _Arrays, cells: np.ndarray, rings: np.ndarray, total: np.ndarray) -> None:
     """Sum L over the corners of ``cells`` at each vertex that is not _FAR in ``rings`` (N,)."""
     points, vertices, shapes, start, root, _, positive = mesh
-    width, parts = vertices.shape[1], total.shape[1]
+    width, parts = 3 if PLANAR else 4, 3 if PLANAR else 6
     here = np.empty(parts)
     for cell in cells:
         if not positive[cell] or not _has(vertices, start, rings, cell, _FAR - 1):
@@ -302,7 +318,7 @@ def _spread(
 def _put(vertices: np.ndarray, start: np.ndarray, cell: int, rings: np.ndarray, ring: int) -> None:
     """Lower ``rings`` (N,) of the vertices of a cell to ``ring``."""
     for c in range(start[cell], start[cell + 1]):
-        for k in range(vertices.shape[1]):
+        for k in range(3 if PLANAR else 4):
             rings[vertices[c, k]] = min(rings[vertices[c, k]], ring)
 
 
@@ -310,7 +326,7 @@ def _put(vertices: np.ndarray, start: np.ndarray, cell: int, rings: np.ndarray, 
 def _has(vertices: np.ndarray, start: np.ndarray, rings: np.ndarray, cell: int, most: int) -> bool:
     """True if a vertex of a cell has no more than ``most`` in ``rings`` (N,)."""
     for c in range(start[cell], start[cell + 1]):
-        for k in range(vertices.shape[1]):
+        for k in range(3 if PLANAR else 4):
             if rings[vertices[c, k]] <= most:
                 return True
     return False
@@ -343,7 +359,7 @@ def _averaged_within(
         if least[cell] <= away:
             _mean_of_cell(total, vertices, start, cell, here)
             for c in range(start[cell], start[cell + 1]):
-                for k in range(vertices.shape[1]):
+                for k in range(3 if PLANAR else 4):
                     for i in range(len(here)):
                         result[vertices[c, k], i] += here[i]
     _divide(result, count)
@@ -357,11 +373,11 @@ def _mean_of_cell(
     """Fill ``here`` (k,) with the mean of vertices' values (N, k) over those of a cell."""
     here[:] = 0.0
     for c in range(start[cell], start[cell + 1]):
-        for k in range(vertices.shape[1]):
+        for k in range(3 if PLANAR else 4):
             for i in range(len(here)):
                 here[i] += total[vertices[c, k], i]
     for i in range(len(here)):
-        here[i] /= (start[cell + 1] - start[cell]) * vertices.shape[1]
+        here[i] /= (start[cell + 1] - start[cell]) * (3 if PLANAR else 4)
 
 
 @inlined

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from functools import cache
 
 import meshio
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 import dvr_cli
+from dvr_cli.api.away_from_layers import weighted, weights_needed
 from dvr_cli.api.measuring import compare_meshes, mesh_quality
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.smoothing import smooth_mesh
@@ -102,6 +104,74 @@ def test_layers_keep_their_height_and_direction(name):
         assert report.after.q1 >= report.before.q1
         assert report.after.elements[rest].mean() >= report.before.elements[rest].mean()
     assert at_least(report.after.vector, report.before.vector)
+    for away in away_from(mesh, kept):
+        assert new[away].min(initial=1.0) >= old[away].min(initial=1.0)
+
+
+def away_from(mesh: Mesh, kept: np.ndarray) -> list[np.ndarray]:
+    """Two sets (n,) bool: cells without a vertex of ``kept`` ones, and those without one of all others."""
+    cells = [set(row.tolist()) for block in mesh.cells for row in block.vertices]
+    near = set().union(*(cell for cell, keeps in zip(cells, kept.tolist(), strict=True) if keeps))
+    first = np.array([not cell & near for cell in cells])
+    beside = set().union(*(cell for cell, away in zip(cells, first.tolist(), strict=True) if not away))
+    return [first, np.array([not cell & beside for cell in cells])]
+
+
+@pytest.mark.parametrize("make", [gmsh_layers.behind_step, LAYERED["box, wedge"]])
+def test_the_worst_cell_away_from_layers_is_no_worse(make, monkeypatch):
+    """Here it would be, were the run not made again."""
+    mesh = make()
+    for rule in (True, False):
+        if not rule:
+            monkeypatch.setattr("dvr_cli.api.away_from_layers.weights_needed", lambda *_: None)
+        _, report = smooth_mesh(mesh, SmoothOptions())
+        assert report.plain is not None
+        old, new = (quality.elements for quality in report.plain)
+        fell = [new[away].min() < old[away].min() for away in away_from(mesh, report.kept)]
+        assert any(fell) == (not rule)
+        assert at_least(report.after.vector, report.before.vector)
+        assert report.after.q1 > report.before.q1
+        assert new[~report.kept].mean() >= old[~report.kept].mean()
+
+
+def test_weights_divide_qualities():
+    domain = domain_of(random_mesh("wedge", 3, n=3))
+    weight = np.random.default_rng(0).uniform(1.0, 2.0, len(domain.cell_ids))
+    weight[::3] = 1.0
+    plain, heavier = domain.corners, weighted(domain.corners, weight)
+    quality = corner_qualities(domain.points, plain) / np.repeat(weight, np.diff(plain.start))
+    np.testing.assert_allclose(corner_qualities(domain.points, heavier), quality, rtol=1e-12)
+    for place in range(4):  # whichever vertex of a corner is the origin of its edges
+        ratio = (
+            heavier.table.curvature[heavier.shapes[:, place]] / plain.table.curvature[plain.shapes[:, place]]
+        )
+        np.testing.assert_allclose(ratio, np.repeat(weight, np.diff(plain.start)), rtol=1e-12)
+
+
+def test_a_run_with_weights_that_lowers_the_vector_is_made_without():
+    domain = domain_of(random_mesh("triangle", 3, n=8))
+    kept = np.arange(len(domain.cell_ids)) == 0
+    before = measure(domain, domain.points, np.flatnonzero(domain.interior))
+    assert weights_needed(domain, kept, before, before, None) is None
+    points = domain.points.copy()
+    points[before.vertices[-1]] += 0.2
+    after = measure(domain, points, np.flatnonzero(domain.interior))
+    weight = weights_needed(domain, kept, before, after, None)
+    assert weight is not None
+    assert weight.min() == 1.0
+    assert weight.max() > 1.0
+    assert weights_needed(domain, kept, before, before, weight) is None
+    better = replace(after, vector=before.vector)  # but for cells away from layers
+    more = weights_needed(domain, kept, before, better, weight)
+    assert more is not None
+    assert (before.elements / more)[more > 1.0].min() == pytest.approx(before.q1)
+    assert weights_needed(domain, kept, before, better, more) is None
+    again = weights_needed(domain, kept, before, after, weight)
+    assert again is not None
+    assert (again == 1.0).all()
+    assert weights_needed(domain, kept, before, after, again) is None
+    tangled = replace(before, q1=-0.5)
+    assert weights_needed(domain, kept, tangled, after, None) is None
 
 
 def test_the_mean_of_the_others_is_not_paid_for_their_worst(monkeypatch):
@@ -119,6 +189,7 @@ def test_the_mean_of_the_others_is_not_paid_for_their_worst(monkeypatch):
         inner = np.unique(block.vertices[kept[: len(block.vertices)]])
         assert points[inner].tobytes() == mesh.points[inner].tobytes()
     monkeypatch.setattr("dvr_cli.api.phases.Run._costs_mean", lambda self, outcome: False)
+    monkeypatch.setattr("dvr_cli.api.away_from_layers.weights_needed", lambda *_: None)
     _, report = smooth_mesh(mesh, SmoothOptions())
     assert report.plain is not None
     assert report.plain[1].elements[~kept].mean() < before.mean()

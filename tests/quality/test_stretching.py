@@ -193,7 +193,7 @@ def test_an_average_never_has_a_larger_aspect_than_its_parts():
     cells = stretching._Cells(domain)
     every = np.ones(len(corners.start) - 1, dtype=bool)
     tensor = cells.from_corners(stretching._stretching(domain.points, corners, every))
-    bound = cells.thrice(cells.from_corners(stretching._largest_log_aspect(_qualities(domain), 3)))
+    bound = cells.thrice(cells.from_corners(stretching.largest_log_aspect(_qualities(domain), 3)))
     assert (stretching._log_aspect(cells.thrice(tensor)) <= bound * (1 + 1e-9) + 1e-12).all()
 
 

@@ -30,7 +30,7 @@ _KERNELS = {
         "mesh.rings_numba.rings",
         "quality.badness_numba.worst_corner_{kind}{metric}",
         "quality.mean_ratio_numba.corner_terms_{kind}",
-        "quality.stretching_numba._allowed_by_quality",
+        "quality.stretching_numba._allowed_by_quality_{kind}",
         "relax.enough_numba.relax_rings_{kind}{metric}",
         "relax.newton_numba.polish_rings_{kind}{metric}",
     ),
