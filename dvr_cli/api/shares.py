@@ -188,11 +188,14 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
         return None
     if work.once and not _agree(comm, not _has_repeated(store)):
         return None
-    if work.options.shape == "auto" and _has_layers(comm, store, backend):
+    looks = work.options.shape == "auto"
+    if looks and comm.size > 1 and _has_layers(comm, store, backend):
         return None
     local = store.local(store.cells, store.lower)
     domain = _positive_domain(comm, local, backend)
     if domain is None:
+        return None
+    if looks and comm.size == 1 and any_seeds(domain, store.owned(store.cells.cells)):  # it has all there is
         return None
     share = share_of(comm, store, local, domain, domain.interior)
     own = np.flatnonzero(share.own & share.relaxed)
