@@ -19,9 +19,9 @@ from dvr_cli.relax.problem import Problem
 # Loading numba and its cached kernels takes as long as this many vertex updates of the NumPy engine
 # (benchmarks/engines.py); runs converge in some twenty sweeps. Once they are loaded they are faster anywhere.
 _REPAYS = 100_000
-_REPAYS_COMPILING = 1_000_000  # the same where the kernels have to be compiled first
+_REPAYS_COMPILING = 2_000_000  # the same where the kernels have to be compiled first
 _USUAL_SWEEPS = 20
-_PATCHES = 1000  # sweeps of NumPy that patches cost as much as
+_PATCHES = 2000  # sweeps of NumPy that patches cost as much as
 # Kernels that runs compile, by folder of ``relax``, some of which set the run up, those of patches with
 # vertices that walk by themselves; there is one of each name for each kind of mesh, "2d" or "3d", of some
 # another one in a metric.
@@ -47,7 +47,7 @@ _KERNELS = {
         "relax.surface.walk.walk_rings_{kind}{metric}",
     ),
 }
-_REPAYS_STARTING = 300_000  # the same where another process compiles them meanwhile
+_REPAYS_STARTING = 600_000  # the same where another process compiles them meanwhile
 _WALK = 500  # updates of NumPy that one on a curved boundary or surface costs as much as
 
 

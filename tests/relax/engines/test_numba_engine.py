@@ -395,7 +395,11 @@ def test_auto_takes_numba_where_it_pays(monkeypatch):
     assert choice.choose_engine("auto", 100, 100).name == "numpy"
     assert choice.choose_engine("auto", 10**6, 100).name == "numba"
     assert choice.choose_engine("auto", 10**6, 0).name == "numpy"
+    monkeypatch.setattr(choice, "_are_compiled", lambda *_: True)
+    assert choice.choose_engine("auto", 60, 100, patches=True).name == "numba"  # patches are what takes long
+    assert choice.choose_engine("auto", 20, 100, patches=True).name == "numpy"
     monkeypatch.setattr(choice, "_are_compiled", lambda *_: False)
+    assert choice.choose_engine("auto", 200, 100, patches=True, meanwhile=True).name == "numpy"
     assert choice.choose_engine("auto", 10_000, 100).name == "numpy"
     assert choice.choose_engine("auto", 10**6, 100).name == "numba"
     meanwhile = choice.choose_engine("auto", 10**6, 100, meanwhile=True)
