@@ -34,7 +34,8 @@ _BYTES = 24  # of a vertex
 # Assumed of a network: seconds until a message is there, with what mpi4py takes, and bytes a second.
 _LATENCY, _BANDWIDTH = 10e-6, 5e9
 _TETRAHEDRA = 10**9
-_WITH_LEAD = ("--time-limit", "3600")  # what keeps a rank from having a share alone
+_RANDOM, _DEFAULT = ("-d", "random"), ("--patches",)  # runs, of two sweeps and rounds of each phase
+_WITH_LEAD = (*_RANDOM, "--time-limit", "3600")  # what keeps a rank from having a share alone
 
 
 def run(quick: bool) -> None:
@@ -53,11 +54,18 @@ def run(quick: bool) -> None:
     memory = [[n, ranks, *_memory(ranks, n)] for n in sizes[-1:] for ranks in (2, 4)]
     print_table("Memory of a rank above that for a tiny mesh, not the lead's; and the lead's", header, memory)
 
-    header = ["vertices", "ranks", "tetrahedra of a rank's own", "peak MB of a rank", "bytes a tetrahedron"]
-    rows = [[n, ranks, *_in_shares(ranks, n)] for n in sizes for ranks in (2, 4)]
+    header = ["vertices", "run", "ranks", "tetrahedra of a rank's own", "peak MB of a rank"]
+    header += ["bytes a tetrahedron"]
+    runs = {"random": _RANDOM, "default": _DEFAULT}
+    rows = [
+        [n, name, ranks, *_in_shares(ranks, n, *more)]
+        for n in sizes
+        for ranks in (2, 4)
+        for name, more in runs.items()
+    ]
     print_table("No rank has the mesh: the worst rank; bytes above a tiny mesh's", header, rows)
     header = ["vertices", "reading, setting up, measuring twice, writing: in sweeps"]
-    alone = [[n, _command(1, n)[0]["seconds"] / one[n][0]["kernels"]] for n in sizes]
+    alone = [[n, _command(1, n, *_RANDOM)[0]["seconds"] / one[n][0]["kernels"]] for n in sizes]
     print_table("No rank has the mesh: one rank, which waits for nobody", header, alone)
 
     mesh = meshes.raw_tets(2_000 if quick else 1_000_000)
@@ -199,12 +207,12 @@ def _memory(ranks: int, n: int) -> list[object]:
     return [round(own), max(more[1:]) / own, more[0] / own]
 
 
-def _in_shares(ranks: int, n: int) -> list[object]:
+def _in_shares(ranks: int, n: int, *more: str) -> list[object]:
     """Tetrahedra a rank, peak memory of the worst rank in MB, and bytes a tetrahedron above a tiny mesh's."""
-    here, tiny = (_command(ranks, size) for size in (n, 300))
+    here, tiny = (_command(ranks, size, *more) for size in (n, 300))
     own = _tetrahedra(n) / ranks
-    more = [a["peak"] - b["peak"] for a, b in zip(here, tiny, strict=True)]
-    return [round(own), max(rank["peak"] for rank in here) / 1e6, max(more) / own]
+    above = [a["peak"] - b["peak"] for a, b in zip(here, tiny, strict=True)]
+    return [round(own), max(rank["peak"] for rank in here) / 1e6, max(above) / own]
 
 
 def _tetrahedra(n: int) -> int:

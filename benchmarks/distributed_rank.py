@@ -19,7 +19,7 @@ from dvr_cli.cli.main import main
 engine, path, *more = sys.argv[1:]
 with tempfile.TemporaryDirectory() as folder:
     output = str(Path(folder) / f"out{Path(path).suffix}")
-    words = ["smooth", path, output, "-d", "random", "--quiet", "--no-report", "--engine", engine, "--mpi"]
+    words = ["smooth", path, output, "--quiet", "--no-report", "--engine", engine, "--mpi"]
     assert main([*words, *more, "-n", "2"]) == 0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
     begin = time.process_time()
