@@ -45,6 +45,18 @@ def _compiling_in_turn(worker_id: str) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def _no_process_compiles() -> Iterator[None]:
+    """Runs whose kernels are missing get no process that compiles them, but where that is what is tested."""
+    if find_spec("numba") is None:
+        yield
+        return
+    sorts = import_module("dvr_cli.api.warming").SORTS
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("dvr_cli.relax.engines.handover._started", dict.fromkeys(sorts))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def _compiled_from_the_start(request: pytest.FixtureRequest) -> Iterator[None]:
     """In a run of many tests the engine called auto is the compiled one, but in a metric: to compile it pays.
 
