@@ -21,7 +21,7 @@ def run(quick: bool) -> None:
     """Print the table, in which nothing of the smallest altitude may be below 1."""
     header = ["mesh", "boundary", "smallest altitude before", "after / before", "conduction bound / before"]
     header += ["Q1 before", "Q1"]
-    print_table("Altitudes: default options, one thread", header, list(_rows(quick)))
+    print_table("Altitudes: default options, one thread", header, _rows(quick))
 
 
 def _rows(quick: bool) -> Iterator[list[object]]:
@@ -42,9 +42,9 @@ def _meshes(quick: bool) -> Iterator[tuple[str, Mesh]]:
         yield path.name, open_mesh(path).mesh
     yield "random tets 300", meshes.random_tets(300)
     if not quick:
-        for n in (1000, 10_000, 100_000):
+        for n in (1000, 10_000):
             yield f"random tets {n}", meshes.random_tets(n)
-        for n in (100, 10_000, 100_000):
+        for n in (100, 10_000):
             yield f"random triangles {n}", meshes.random_triangles(n)
-        yield "Gmsh sphere", meshes.gmsh_sphere(0.0322)
-        yield "Gmsh part", meshes.gmsh_part(0.595)
+        yield "Gmsh sphere", meshes.gmsh_sphere(0.1)
+        yield "Gmsh part", meshes.gmsh_part(1.4)

@@ -22,6 +22,7 @@ SECTIONS = (
     "layers",
     "untangle",
     "quality",
+    "generation",
     "tools",
     "solvers",
     "distributed",

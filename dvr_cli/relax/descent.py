@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dvr_cli.relax.engines.engine import State
 
 _PHASE = "descent"
-_DEAR = 0.031  # share of the elements that cost more
+_DEAR = 0.032  # share of the elements that cost more
 _NEAR = 1.1  # rings below so much of the quality at which that begins are visited
 _LOW_END = 0.01  # share of the elements whose growth counts
 # On surfaces. Measured: with 1.5 half as many sweeps as with 1, from 1.9 on the worst elements get worse.
