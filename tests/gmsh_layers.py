@@ -81,6 +81,20 @@ def extruded(kind: str, height: float = 1 / 300, bump: bool = False) -> Mesh:
     return mesh
 
 
+def graded(ratio: float = 100.0) -> Mesh:
+    """Triangles of all sizes from 1 to ``ratio``, none of them stretched on purpose."""
+    with gmsh_session():
+        gmsh.model.occ.addRectangle(0, 0, 0, 1, 1)
+        gmsh.model.occ.synchronize()
+        field = gmsh.model.mesh.field.add("MathEval")
+        gmsh.model.mesh.field.setString(field, "F", f"{0.1 / ratio} + 0.2*sqrt(x*x+y*y)")
+        gmsh.model.mesh.field.setAsBackgroundMesh(field)
+        gmsh.option.setNumber("Mesh.MeshSizeMin", 0.0)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.1)
+        gmsh.model.mesh.generate(2)
+        return _mesh(2)
+
+
 def _planar(body: Callable[[], list[int]], height: float, quads: bool) -> Mesh:
     with gmsh_session():
         occ = gmsh.model.occ

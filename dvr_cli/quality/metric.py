@@ -79,7 +79,10 @@ def metric_on(domain: Domain, tensors: np.ndarray) -> Metric:
     those of the domain's vertices that are not finite or not positive definite.
     """
     if domain.is_surface:
-        raise InputError("a surface in space cannot be measured in a metric; planar and volume meshes can")
+        raise InputError(
+            "a surface in space cannot be measured in a metric, as the planes of its cells turn when "
+            "vertices move; planar and volume meshes can"
+        )
     tensors = _in_domain(domain, tensors)
     _check(tensors, np.unique(domain.corners.vertices))
     d, base = domain.dimension, domain.corners.table

@@ -20,7 +20,7 @@ from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.measure import measure
 from dvr_cli.quality.vector import at_least
-from meshes import KINDS, random_mesh
+from meshes import KINDS, delaunay, random_mesh
 from needs import require
 
 require("gmsh")
@@ -217,9 +217,17 @@ def test_layers_stay_where_the_boundary_moves(boundary):
     assert report.shape.kept
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_nothing_kept_gives_the_bits_of_ideal(kind):
-    mesh = random_mesh(kind, 7)
+ISOTROPIC = {
+    **{kind: lambda kind=kind: random_mesh(kind, 7) for kind in KINDS},
+    "graded 1 : 100": gmsh_layers.graded,
+    "points in the plane": lambda: delaunay(300, 2, 0),
+    "points in space": lambda: delaunay(150, 3, 0),
+}
+
+
+@pytest.mark.parametrize("name", ISOTROPIC)
+def test_nothing_kept_gives_the_bits_of_ideal(name):
+    mesh = ISOTROPIC[name]()
     one, report = smooth_mesh(mesh, SmoothOptions(patches=False))
     two, _ = smooth_mesh(mesh, SmoothOptions(patches=False, shape="ideal"))
     assert one.tobytes() == two.tobytes()

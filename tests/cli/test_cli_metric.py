@@ -83,3 +83,18 @@ def test_files_that_are_no_metric(dvr, tmp_path, content):
         result = dvr(*command, "--metric", metric)
         assert_one_line(result, 3, "m.sol")
         assert not output.exists()
+
+
+def test_a_surface_in_space_has_no_metric(dvr, tmp_path):
+    """Nor has a morph, which keeps the shapes that are there."""
+    mesh = random_mesh("triangle", 2)
+    points = np.column_stack([mesh.points, 0.1 * np.sin(3 * mesh.points[:, 0])])
+    tensors = np.tile([1.0, 2.0, 3.0, 0.0, 0.0, 0.0], (len(points), 1))
+    source, output = tmp_path / "in.vtu", tmp_path / "out.vtu"
+    cells = [(block.type, block.vertices) for block in mesh.cells]
+    meshio.write(source, meshio.Mesh(points, cells, {"wanted": tensors}))
+    for command in (["smooth", source, output], ["report", "quality", source]):
+        assert_one_line(dvr(*command, "--metric", "wanted"), 3, "the planes of its cells turn")
+    morph = dvr("morph", source, output, "--displacement", "wanted", "--metric", "wanted")
+    assert_one_line(morph, 2, "--metric")
+    assert not output.exists()

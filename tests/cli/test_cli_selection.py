@@ -279,4 +279,6 @@ def test_cells_of_a_type_are_a_group(dvr, tmp_path):
         fixed = np.unique(np.concatenate([b.vertices.ravel() for b in mesh.cells if b.type == name]))
         moved = moved_by(dvr, source, tmp_path / "out.vtu", ["--fix", name])
         assert not moved[fixed].any()
+        others = moved_by(dvr, source, tmp_path / "out.vtu", ["--only", name])
+        assert not others[np.setdiff1d(np.arange(len(mesh.points)), fixed)].any()
     assert_one_line(dvr("smooth", source, tmp_path / "out.vtu", "--fix", "triangle"), 2, "'triangle'")
