@@ -6,6 +6,7 @@ boundary may come from the input by at most a third of its thickness (see ``rela
 From a few points of each facet a ray goes both ways along its normal, through the cells of a grid that have
 the facets which are near. Where all that are near are of one patch and look the same way as the facet, they
 are its own sheet, and are not looked at one by one. Large cells tell first for most facets that this is so.
+The sides of a channel in the plane are walls that stand on it.
 """
 
 from __future__ import annotations
@@ -67,6 +68,23 @@ def thickness(
                 np.minimum.at(result, other[apart], gap[apart])
         facets = facets[passed]  # where the ray from the middle comes by no other sheet none will
     return result
+
+
+def width(points: np.ndarray, segments: np.ndarray, curve: np.ndarray, reach: float) -> np.ndarray:
+    """(S,) how far from each segment of a plane's curves the next one straight across is; see ``thickness``.
+
+    points: (N, 3), in the plane z = 0; segments: (S, 2); curve: (S,) the number of the curve each is of. They
+    are taken for the lower edges of walls that stand on the plane.
+    """
+    used, number = np.unique(segments, return_inverse=True)
+    lower = points[used]
+    a, b = number.reshape(-1, 2).T
+    height = np.sqrt(((lower[b] - lower[a]) ** 2).sum(axis=1)).mean()
+    both = np.concatenate([lower, lower + np.array([0.0, 0.0, height])])
+    c, d = b + len(used), a + len(used)
+    triangles = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    across = thickness(both, triangles, np.tile(curve, 2), np.zeros(len(triangles), dtype=bool), reach)
+    return across.reshape(2, -1).min(axis=0)
 
 
 def _near_others(

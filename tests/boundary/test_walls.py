@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from curved_parts import apart
+from curved_parts import apart, distances
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.boundary import walls
 from dvr_cli.boundary.self_intersection import crossing_facets
-from dvr_cli.boundary.walls import thickness
+from dvr_cli.boundary.walls import thickness, width
 from dvr_cli.mesh.mesh import Cells, Mesh
 
 
@@ -127,3 +127,48 @@ def test_thin_walls_stay_apart():
     assert apart(points[:n], after[:n], triangles[:outer]) < third
     assert not crossing_facets(after, triangles).any()
     assert report.boundary.deviation < third
+
+
+def ring(n: int, gap: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points, first those of the inner of two circles in the plane, shaken along these; triangles between."""
+    rng, k = np.random.default_rng(5), np.arange(n)
+    angle = 2.0 * np.pi * (k + rng.uniform(-0.3, 0.3, (2, n))) / n
+    radius = np.array([[1.0], [1.0 + gap]])
+    points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=2).reshape(-1, 2)
+    after = (k + 1) % n
+    return points, np.concatenate([np.stack([k, k + n, after + n], 1), np.stack([k, after + n, after], 1)])
+
+
+def test_the_width_of_a_channel_is_that_between_two_circles():
+    points, _ = ring(200, 0.05)
+    places = np.column_stack([points, np.zeros(400)])
+    k = np.arange(200)
+    sides = np.stack([k, (k + 1) % 200], axis=1)
+    segments, curve = np.concatenate([sides, sides[:, ::-1] + 200]), np.repeat([0, 1], 200)
+    assert width(places, segments, curve, 0.2) == pytest.approx(0.05, rel=0.03)
+    assert np.isinf(width(places, segments, curve, 0.04)).all()
+
+
+def test_the_sides_of_a_channel_in_a_plane_stay_apart(monkeypatch):
+    """Each comes from the input by a third of the width at most; without the rule it would come farther."""
+    points, cells = ring(24, 0.012)
+    k = np.arange(24)
+    sides = [np.stack([k, (k + 1) % 24], axis=1) + first for first in (0, 24)]
+    mesh = Mesh(points, [Cells("triangle", cells)])
+    options = SmoothOptions(boundary="project", max_deviation=0.5, engine="numpy", keep_height=False)
+
+    def farthest() -> float:
+        moved, report = smooth_mesh(mesh, options)
+        assert (moved != points).any(axis=1).sum() > 12
+        assert report.after.q1 >= report.before.q1
+        along = np.linspace(0.0, 1.0, 41)[:, None, None]
+        found = 0.0
+        for here, there in ((points, moved), (moved, points)):
+            for side in sides:
+                a, b = here[side].swapaxes(0, 1)
+                found = max(found, distances((a + along * (b - a)).reshape(-1, 2), there, side).max())
+        return found
+
+    assert 0.0 < farthest() <= 0.012 / 3.0
+    monkeypatch.setattr("dvr_cli.relax.surface.carriers.width", lambda *_: np.full(48, np.inf))
+    assert farthest() > 0.012 / 3.0

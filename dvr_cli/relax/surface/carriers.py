@@ -21,7 +21,7 @@ import numpy as np
 from dvr_cli.boundary.deviation import deviation
 from dvr_cli.boundary.freedom import Freedom, unit
 from dvr_cli.boundary.smooth_parts import SmoothParts
-from dvr_cli.boundary.walls import thickness
+from dvr_cli.boundary.walls import thickness, width
 from dvr_cli.mesh.corners import Corners, Simplices
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.facets import numbered
@@ -126,7 +126,7 @@ class Carriers:
     on_surface, on_curve: the vertices that walk. curve: (S,) the number of the curve each segment is of.
     turned: (C,) bool, the touched corners of a surface that are turned over in the input. limit: how far the
     mesh may come from the input. across: (T,) how far the sheet across from each facet is, see
-    ``thickness``; None before there was a limit.
+    ``thickness``, in a plane (S,) that from each segment, see ``width``; None before there was a limit.
     """
 
     ground: Ground
@@ -146,18 +146,27 @@ class Carriers:
         Distances count more there, so that one limit holds for all. For a smaller limit than before no wall
         is sought again.
         """
-        ground, weight, across = self.ground, np.ones(len(self.ground.triangles)), self.across
-        if not ground.plane.all() and limit < np.inf:
+        ground, across, in_plane = self.ground, self.across, self.before.shape[1] == 2
+        sheets = ground.segments if in_plane else ground.triangles
+        weight = np.ones(len(sheets))
+        if len(sheets) and (in_plane or not ground.plane.all()) and limit < np.inf:
             reach = limit / _OF_WALL
             if across is None or limit > self.limit:
-                across = thickness(ground.places, ground.triangles, ground.patch, ground.plane, reach)
+                across = self._across(reach)
             weight = np.minimum(np.maximum(reach / np.maximum(across, reach / _MOST), 1.0), _MOST)
         at = np.ones(len(ground.places))
-        for column in ground.triangles.T:
+        for column in sheets.T:
             np.maximum.at(at, column, weight)
-        heaviest = np.array([weight.max(initial=1.0)])
-        weighed = ground._replace(weight=weight, weight_at=at, heaviest=heaviest)
+        of_facets, heaviest = weight[: len(ground.triangles)], np.array([weight.max(initial=1.0)])
+        weighed = ground._replace(weight=of_facets, weight_at=at, heaviest=heaviest)
         return replace(self, ground=weighed, limit=limit, across=across)
+
+    def _across(self, reach: float) -> np.ndarray:
+        """The distance of what is across from each facet, or in a plane each segment, up to ``reach``."""
+        ground = self.ground
+        if self.before.shape[1] == 2:
+            return width(ground.places, ground.segments, self.curve, reach)
+        return thickness(ground.places, ground.triangles, ground.patch, ground.plane, reach)
 
     def standing(self) -> Standing:
         """Everybody where the input has them."""
