@@ -28,7 +28,7 @@ from dvr_cli.options import check_names, default
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.measure import measure
 from dvr_cli.relax.directions import direction_field, restrict_field
-from dvr_cli.relax.engines.choice import choose_engine
+from dvr_cli.relax.engines.choice import MeshKind, choose_engine
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.harmonic import edges_of, spread
 from dvr_cli.relax.problem import build_problem
@@ -113,8 +113,8 @@ class Relaxer:
     def _prepare(self, mesh: Mesh, options: SmoothOptions) -> None:
         mesh = replace(mesh, points=mesh.points.copy())  # a copy: the caller may change its own
         work = len(mesh.points), options.stopping.max_iterations
-        of_mesh = {"planar": mesh.is_planar, "measured": options.metric is not None}
-        self._kind = choose_engine(options.engine, *work, meanwhile=True, **of_mesh)
+        of_mesh = MeshKind(mesh.is_planar, options.metric is not None)
+        self._kind = choose_engine(options.engine, *work, meanwhile=True, mesh=of_mesh)
         self._options = options
         self._point_data = mesh.point_data
         self.domain = options.domain(mesh, self._kind.backend)

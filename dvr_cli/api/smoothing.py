@@ -19,13 +19,13 @@ from dvr_cli.api.shapes import shaped
 from dvr_cli.api.unfolding import unfold_phase
 from dvr_cli.api.untangling import reference_quality, tangled_left, untangle_phase, untangles
 from dvr_cli.errors import OutputError
-from dvr_cli.mesh.domain import Domain
+from dvr_cli.mesh.domain import Domain, is_surface
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.limits import FAIR, HeldBy, limit_of
 from dvr_cli.quality.measure import Quality, mean_of_elements, measure
 from dvr_cli.quality.vector import at_least
 from dvr_cli.relax.directions import Entry, direction_field
-from dvr_cli.relax.engines.choice import EngineKind, choose_engine
+from dvr_cli.relax.engines.choice import EngineKind, MeshKind, choose_engine
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.problem import Problem, build_problem
 from dvr_cli.relax.stopping import StopReason
@@ -110,8 +110,8 @@ def _smoothed(
     how = storage, on_sweep, interrupted, means, make
     vertices, sweeps = len(mesh.points), options.stopping.max_iterations
     choose = partial(choose_engine, options.engine, vertices, sweeps, options.takes_patches)
-    of_mesh = {"planar": mesh.is_planar, "measured": options.metric is not None}
-    kind = choose(meanwhile=make is None, **of_mesh)
+    of_mesh = MeshKind(mesh.is_planar, options.metric is not None, is_surface(mesh))
+    kind = choose(meanwhile=make is None, mesh=of_mesh)
     whole = options.domain(mesh, kind.backend)
     shapes = shaped(whole, options.shape, options.tensors(mesh))
     domain = shapes.domain
@@ -122,7 +122,7 @@ def _smoothed(
     moves = moves_of(mesh, domain, options.boundary, selected, options.feature_angle, how_far)
     relaxed = moves.relaxed
     if moves.parts is not None:
-        kind = choose(walking=len(moves.parts.walking), meanwhile=make is None, **of_mesh)
+        kind = choose(walking=len(moves.parts.walking), meanwhile=make is None, mesh=of_mesh)
     # on a surface vertices have little room: measured, lowering the price first and narrowing directions then
     # go farthest
     on_surface = domain.is_surface and options.is_free and options.takes_polish

@@ -134,9 +134,7 @@ def domain_of(
     """
     _check_values(mesh)
     linear = linear_cells(mesh.cells)
-    dimension = max(
-        (relaxed_dimension(block.type) or 0 for block in linear if len(block.vertices)), default=0
-    )
+    dimension = _highest_dimension(linear)
     _check_types(linear, dimension)
     if dimension > mesh.points.shape[1]:
         raise InputError("volume cells need three coordinates, the points have 2")
@@ -213,6 +211,16 @@ def _used(cells: list[Cells], n_points: int) -> np.ndarray:
     for block in cells:
         used[block.vertices] = True
     return used
+
+
+def is_surface(mesh: Mesh) -> bool:
+    """True if the cells that are relaxed are those of a surface in space."""
+    return _highest_dimension(linear_cells(mesh.cells)) == 2 and not mesh.is_planar
+
+
+def _highest_dimension(linear: list[Cells]) -> int:
+    """The dimension of cells that can be relaxed, 0 if there are none."""
+    return max((relaxed_dimension(block.type) or 0 for block in linear if len(block.vertices)), default=0)
 
 
 def _check_types(cells: list[Cells], dimension: int) -> None:

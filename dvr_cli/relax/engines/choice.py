@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 from dvr_cli.backend import COMPILED, NUMPY, Backend
 from dvr_cli.errors import UsageError
@@ -22,9 +23,9 @@ _REPAYS = 100_000
 _REPAYS_COMPILING = 2_000_000  # the same where the kernels have to be compiled first
 _USUAL_SWEEPS = 20
 _PATCHES = 2000  # sweeps of NumPy that patches cost as much as
-# Kernels that runs compile, by folder of ``relax``, some of which set the run up, those of patches with
-# vertices that walk by themselves; there is one of each name for each kind of mesh, "2d" or "3d", of some
-# another one in a metric.
+# Kernels that all runs of a sort compile, by folder of ``relax``, some of which set the run up; there is one
+# of each name for each kind of mesh, "2d" or "3d", of some another one in a metric. Surfaces need those of
+# "surface" alone.
 _KERNELS = {
     ".": (
         "mesh.rings_numba.rings",
@@ -38,17 +39,30 @@ _KERNELS = {
         "relax.patches.neighbourhoods_numba.choose",
         "relax.patches.solver_numba.solve_patch_{kind}{metric}",
     ),
-    "joint": (
-        "relax.patches.neighbourhoods_numba.choose",
-        "relax.surface.joint.move_jointly_{kind}{metric}",
-    ),
     "surface": (
+        "mesh.rings_numba.rings",
         "relax.surface.walk.walk_directions_{kind}{metric}",
         "relax.surface.walk.walk_rings_{kind}{metric}",
     ),
 }
 _REPAYS_STARTING = 600_000  # the same where another process compiles them meanwhile
 _WALK = 500  # updates of NumPy that one on a curved boundary or surface costs as much as
+_WALKS_MEANWHILE = 20_000  # vertices that walk at most while another process compiles: a batch has to end
+
+
+class MeshKind(NamedTuple):
+    """A kind of mesh, of which kernels are compiled apart.
+
+    planar: whether it lies in a plane. measured: whether shapes are in a metric. surface: whether its cells
+    are those of a surface in space.
+    """
+
+    planar: bool = False
+    measured: bool = False
+    surface: bool = False
+
+
+IN_SPACE = MeshKind()  # a volume whose shapes are in no metric
 
 
 @dataclass(frozen=True)
@@ -137,27 +151,26 @@ def choose_engine(
     patches: bool = False,
     walking: int = 0,
     meanwhile: bool = False,
-    planar: bool = False,
-    measured: bool = False,
+    mesh: MeshKind = IN_SPACE,
 ) -> EngineKind:
     """The engine called ``name``, "auto" being the fastest for the work ahead.
 
     vertices: how many the mesh has. patches: whether patches are to be relaxed as well. walking: how many of
     the vertices walk on curved boundaries or surfaces. meanwhile: whether a process of its own may compile
-    what is missing, while NumPy begins. planar: whether the mesh lies in a plane; measured: whether shapes
-    are in a metric. Raises UsageError for an engine that is unknown or not installed.
+    what is missing, while NumPy begins. mesh: of which kind it is. Raises UsageError for an engine that is
+    unknown or not installed.
     """
     if name not in ("auto", *KINDS):
         raise UsageError(f"engine: unknown {name!r}; known: {', '.join(('auto', *KINDS))}")
     if name == "auto":
         sweeps = min(max_iterations, _USUAL_SWEEPS)
         work = vertices * (sweeps + (_PATCHES if patches else 0)) + walking * sweeps * _WALK
-        folders = [".", *(["surface"] * (walking > 0)), *(["joint" if walking else "patches"] * patches)]
+        usual = [".", *(["surface"] * (walking > 0)), *(["patches"] * patches)]
         fastest, repays = KINDS["numba"], _REPAYS
-        if not _are_compiled(folders, planar, measured):
+        if not _are_compiled(["surface"] if mesh.surface else usual, mesh.planar, mesh.measured):
             fastest, repays = (
                 (_HANDOVER, _REPAYS_STARTING)
-                if meanwhile and _starts_python()
+                if meanwhile and walking <= _WALKS_MEANWHILE and _starts_python()
                 else (fastest, _REPAYS_COMPILING)
             )
         elif fastest.is_loaded:

@@ -324,6 +324,36 @@ print(v[0], kernel.stats.cache_hits[kernel.signatures[0]])
 
 
 @pytest.mark.long
+def test_what_a_run_on_a_surface_has_compiled_is_known(tmp_path):
+    """Though it has not compiled what runs on volumes need."""
+    program = """
+from dvr_cli.api.smoothing import smooth_mesh
+from dvr_cli.api.warming import SORTS
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.relax.engines.choice import MeshKind, choose_engine
+
+def kinds():
+    surface = MeshKind(surface=True)
+    return [choose_engine("auto", 10**4, 100, mesh=surface, meanwhile=True).maker[1],
+            choose_engine("auto", 10**4, 100, walking=10**4, mesh=surface, meanwhile=True).maker[1],
+            choose_engine("auto", 10**6, 100, meanwhile=True).maker[1]]
+
+print(*kinds())
+mesh, options = SORTS["surfaces"]()
+smooth_mesh(mesh, SmoothOptions(engine="numba", **options))
+import sys
+del sys.modules["dvr_cli.relax.engines.numba_engine"]
+print(*kinds())
+"""
+    command = [sys.executable, "-c", program]
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    before, after = run.stdout.splitlines()
+    assert before.split()[1:] == ["HandoverEngine"] * 2
+    assert after.split() == ["NumbaEngine", "NumbaEngine", "HandoverEngine"]
+
+
+@pytest.mark.long
 def test_of_processes_that_take_turns_one_compiles(tmp_path):
     program = """
 from dvr_cli.jit import compile_in_turn
@@ -405,6 +435,9 @@ def test_auto_takes_numba_where_it_pays(monkeypatch):
     meanwhile = choice.choose_engine("auto", 10**6, 100, meanwhile=True)
     assert meanwhile.maker[1] == "HandoverEngine"
     assert choice.choose_engine("auto", 10_000, 100, meanwhile=True) is choice.KINDS["numpy"]
+    # a batch of walks on NumPy has to end before another engine can take over
+    walks = [choice.choose_engine("auto", n, 100, walking=n, meanwhile=True) for n in (5_000, 50_000)]
+    assert [kind.maker[1] for kind in walks] == ["HandoverEngine", "NumbaEngine"]
     for program in ("/opt/cad/bin/cad", "", None):  # what embeds Python is not started in its place
         monkeypatch.setattr(sys, "executable", program)
         assert choice.choose_engine("auto", 10**6, 100, meanwhile=True).name == "numba"
