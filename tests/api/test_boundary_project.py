@@ -37,7 +37,9 @@ def projected(mesh, sweeps=4, share=BOUND, **options):
     )
 
 
-@pytest.mark.parametrize("name", MESHES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] * name.startswith("torus")) for name in MESHES]
+)
 def test_vertices_stay_on_the_shape_and_the_shape_near_the_input(name):
     mesh = MESHES[name]()
     facets = skin(mesh)

@@ -381,13 +381,12 @@ COMPARE = {
 @pytest.mark.parametrize(
     ("command", "options"),
     [
-        ("smooth", SMOOTH),
-        ("untangle", UNTANGLE),
-        ("morph", MORPH),
-        ("report quality", QUALITY),
-        ("report compare", COMPARE),
+        pytest.param("smooth", SMOOTH, id="smooth"),
+        pytest.param("untangle", UNTANGLE, id="untangle", marks=pytest.mark.long),
+        pytest.param("morph", MORPH, id="morph", marks=pytest.mark.long),
+        pytest.param("report quality", QUALITY, id="quality"),
+        pytest.param("report compare", COMPARE, id="compare", marks=pytest.mark.long),
     ],
-    ids=["smooth", "untangle", "morph", "quality", "compare"],
 )
 def test_every_option_in_the_help_works(dvr, tmp_path, command, options):
     tags = [np.ones(4, dtype=int)]

@@ -93,6 +93,7 @@ def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, rank
     assert "converged" in reasons or every > 1
 
 
+@pytest.mark.long
 def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
     """A mesh with layers, one with inverted cells, one with a cell twice: a rank has them whole.
 
@@ -179,7 +180,9 @@ def damaged_files(folder):
     return found
 
 
-@pytest.mark.parametrize("fault", ["a full disk", "a rank fails to send", "interrupted"])
+@pytest.mark.parametrize(
+    "fault", ["a full disk", "a rank fails to send", pytest.param("interrupted", marks=pytest.mark.long)]
+)
 def test_a_job_that_ends_early_leaves_nothing_half_written(tmp_path, on_ranks, fault):
     runs = [("positive", "-d random -n 9 --tol 0")]
     command = [word for word in commands_of(tmp_path, runs, "--mpi")[0] if word != "--quiet"]

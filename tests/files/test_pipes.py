@@ -261,7 +261,7 @@ def test_a_generator_that_fails_leaves_no_output(tmp_path):
 
 
 @posix
-@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("unbuffered", ["", pytest.param("1", marks=long)])
 @pytest.mark.parametrize(
     "name", ["gmsh41-binary", *(pytest.param(name, marks=long) for name in ("vtk-binary", "ply-binary"))]
 )

@@ -76,7 +76,7 @@ def holds(kind, seed, noise):
     return (engine.points != free.points).any()
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(st.sampled_from(KINDS), st.integers(0, 10**6), st.floats(0, 0.5))
 def test_the_smallest_altitude_never_falls_after_any_batch(kind, seed, noise):
     holds(kind, seed, noise)
@@ -186,7 +186,7 @@ OPTIONS = (
 )
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(
     st.sampled_from(KINDS),
     st.sampled_from(("fixed", "slide", "project")),

@@ -290,7 +290,10 @@ def test_large_meshes_make_small_files():
     assert axes_titled(figure, "mesh").collections[0].get_rasterized() is False
 
 
-@pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
+@pytest.mark.parametrize(
+    ("suffix", "magic"),
+    [(".png", b"\x89PNG"), (".svg", b"<?xml"), pytest.param(".pdf", b"%PDF", marks=pytest.mark.long)],
+)
 def test_the_same_picture_is_the_same_bytes(suffix, magic):
     mesh = random_mesh("mixed2d", 1)
     state = State("mesh", mesh.points, mesh_quality(mesh).quality)
