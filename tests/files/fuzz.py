@@ -14,7 +14,7 @@ from dvr_cli.mesh.mesh import Mesh
 from sources import cells_of, written
 
 # how many copies a test takes: some in every run, thousands in a long one
-COUNTS = (500, pytest.param(2000, marks=pytest.mark.long))
+COUNTS = (500, pytest.param(4000, marks=pytest.mark.long))
 
 _NUMBER = re.compile(rb"(?<![\w.])\d+(?![\w.])")
 _STRANGE = b"-1 0 999999999 4294967296 9223372036854775807 1e400 nan -0 0x10".split()

@@ -84,7 +84,7 @@ def test_the_smallest_altitude_never_falls_after_any_batch(kind, seed, noise):
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10**6), st.floats(0, 0.5))
 def test_the_smallest_altitude_never_falls_in_large_numbers(kind, seed, noise):
     holds(kind, seed, noise)
@@ -200,7 +200,7 @@ def test_the_smallest_altitude_never_falls_in_a_run(kind, boundary, seed, noise,
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     st.sampled_from(("fixed", "slide", "project")),
     st.integers(0, 10**6),
