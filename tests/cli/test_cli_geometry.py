@@ -97,6 +97,7 @@ def test_without_the_model_they_end_on_the_facets_of_the_input(dvr, folder, tmp_
     assert on_model(folder / "block.brep", output)[0] > 1e-5
 
 
+@pytest.mark.long
 def test_another_format_gets_the_points_on_the_model(dvr, folder, tmp_path):
     for output in ("out.msh", "out.vtk"):
         arguments = ("--boundary", "project", "--geometry", folder / "block.brep", "--no-report", *QUICK)
@@ -175,6 +176,7 @@ def test_one_line_says_what_is_wrong(dvr, folder, tmp_path, mesh, model, more, m
     assert not (tmp_path / "out.msh").exists()
 
 
+@pytest.mark.long
 def test_words_of_the_kernel_do_not_get_into_a_piped_mesh(folder, tmp_path):
     (tmp_path / "rubbish.brep").write_text("no model\n")
     arguments = ["smooth", folder / "mesh00.msh", "-", "--boundary", "project"]

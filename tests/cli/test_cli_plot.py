@@ -29,7 +29,8 @@ USUAL = {
     ("smooth", ".svg"),
     ("quality", ".png"),
     ("compare", ".pdf"),
-    *((name, ".html") for name in COMMANDS),
+    ("smooth", ".html"),
+    ("compare", ".html"),
 }
 
 

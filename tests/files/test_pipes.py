@@ -86,7 +86,7 @@ def generator(tmp_path: Path) -> list[object]:
 @pytest.mark.parametrize(
     ("version", "binary"),
     [
-        pytest.param("msh22", [], id="msh22-ascii"),
+        pytest.param("msh22", [], id="msh22-ascii", marks=long),
         pytest.param("msh41", ["-bin"], id="msh41-binary"),
         pytest.param("msh22", ["-bin"], id="msh22-binary", marks=long),
         pytest.param("msh41", [], id="msh41-ascii", marks=long),

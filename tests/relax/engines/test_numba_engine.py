@@ -371,7 +371,11 @@ print(sum(group.stats.cache_misses.values()))
 
 @pytest.mark.parametrize(
     ("source", "matters"),
-    [("mesh/csr.py", True), ("relax/patches/solver.py", True), ("jit.py", True), ("cli/app.py", False)],
+    [
+        *(pytest.param(source, True, marks=pytest.mark.long) for source in ("mesh/csr.py", "jit.py")),
+        ("relax/patches/solver.py", True),
+        ("cli/app.py", False),
+    ],
 )
 def test_results_older_than_any_source_they_may_come_from_are_forgotten(tmp_path, source, matters):
     """However deep in the package that source lies."""

@@ -24,6 +24,8 @@ from meshes import random_mesh
 from needs import require
 from walking import SURFACES, nearest, steps, vector_of, walkers
 
+# every other one in the usual run
+SOME = [pytest.param(name, marks=[pytest.mark.long] * (i % 2)) for i, name in enumerate(SURFACES)]
 WEIGHTS = np.array([w for w in np.ndindex(5, 5, 5) if sum(w) == 4]) / 4
 
 
@@ -62,7 +64,7 @@ def first_patches(engine: NumpyEngine) -> list[Patch]:
     return found
 
 
-@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize("name", SOME)
 def test_the_vector_grows_in_every_round(name):
     engine, domain = walkers(SURFACES[name](), 0.05, 40.0)
     list(steps(engine, domain, "steepest"))
@@ -80,7 +82,7 @@ def test_the_vector_grows_in_every_round(name):
     assert vectors[-1][0] > vectors[0][0] * 1.01
 
 
-@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize("name", SOME)
 def test_vertices_stay_on_the_facets_and_the_mesh_within_the_limit(name):
     """By another library: nearest points of vertices, and of dense samples from both sides."""
     mesh, limit = SURFACES[name](), 0.006
