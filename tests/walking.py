@@ -46,6 +46,27 @@ def nearest(triangles: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.
     return np.concatenate(distance), np.concatenate(which)
 
 
+def uprightness(mesh: Mesh, points: np.ndarray) -> np.ndarray:
+    """(n,) positive where a triangle, moved to ``points``, is upright on the facet below its middle."""
+    triangles = mesh.cells[0].vertices
+    p, q, r = mesh.points[triangles].swapaxes(0, 1)
+    normals = np.cross(q - p, r - p)
+    a, b, c = points[triangles].swapaxes(0, 1)
+    below = nearest(mesh.points[triangles], (a + b + c) / 3)[1]
+    return (np.cross(b - a, c - a) * normals[below]).sum(axis=1)
+
+
+def hosts(standing) -> dict[int, int]:
+    """The triangle that answers for each place of the input; AssertionError where several do."""
+    found: dict[int, int] = {}
+    for triangle, place in enumerate(standing.first.tolist()):
+        while place >= 0:
+            assert place not in found
+            found[place] = triangle
+            place = standing.following[place]
+    return found
+
+
 def steps(engine: Engine, domain, kind: str):
     """Do a sweep, batch by batch."""
     field = random_field(3, 1)

@@ -22,7 +22,7 @@ from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import Stopping
 from meshes import random_mesh
 from needs import require
-from walking import SURFACES, nearest, steps, vector_of, walkers
+from walking import SURFACES, hosts, nearest, steps, uprightness, vector_of, walkers
 
 # every other one in the usual run
 SOME = [pytest.param(name, marks=[pytest.mark.long] * (i % 2)) for i, name in enumerate(SURFACES)]
@@ -103,12 +103,7 @@ def test_no_triangle_turns_over():
     mesh = wavy(5, 3)
     engine, _ = walkers(mesh, 0.1)
     relax_patches(engine, Stopping(6))
-    triangles = mesh.cells[0].vertices
-    p, q, r = mesh.points[triangles].swapaxes(0, 1)
-    normals = np.cross(q - p, r - p)
-    a, b, c = engine.points[triangles].swapaxes(0, 1)
-    below = nearest(mesh.points[triangles], (a + b + c) / 3)[1]
-    assert ((np.cross(b - a, c - a) * normals[below]).sum(axis=1) > 0).all()
+    assert (uprightness(mesh, engine.points) > 0).all()
 
 
 def test_places_of_the_input_each_have_one_triangle_and_a_bound_that_holds():
@@ -116,12 +111,7 @@ def test_places_of_the_input_each_have_one_triangle_and_a_bound_that_holds():
     relax_patches(engine, Stopping(5))
     carriers, standing = engine.problem.carriers, engine.state()[1]
     ground, walks = carriers.ground, carriers.on_surface
-    host = {}
-    for triangle, place in enumerate(standing.first.tolist()):
-        while place >= 0:
-            assert place not in host
-            host[place] = triangle
-            place = standing.following[place]
+    host = hosts(standing)
     assert sorted(host) == sorted(walks.tolist())
     for place, triangle in host.items():
         away, _ = nearest(engine.coordinates[ground.triangles[[triangle]]], ground.places[[place]])

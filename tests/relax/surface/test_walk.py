@@ -18,7 +18,7 @@ from dvr_cli.quality.vector import at_least
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.steepest import NARROWING, STEEPEST
 from dvr_cli.relax.surface.overlay import renew
-from walking import SURFACES, nearest, steps, vector_of, walkers
+from walking import SURFACES, hosts, nearest, steps, uprightness, vector_of, walkers
 
 KINDS = ("random", "steepest", "narrowing", "optimal")
 USUAL = set(zip(SURFACES, KINDS, strict=True))
@@ -71,12 +71,7 @@ def test_renewed_places_are_with_the_triangle_that_is_nearest():
     carriers, standing = engine.problem.carriers, engine.state()[1]
     before, walks = standing.apart.copy(), carriers.on_surface
     renew(engine.coordinates, carriers.ground, carriers.stars, standing)
-    chained = []
-    for place in standing.first[standing.first >= 0].tolist():
-        while place >= 0:
-            chained.append(place)
-            place = standing.following[place]
-    assert sorted(chained) == sorted(walks.tolist())
+    assert sorted(hosts(standing)) == sorted(walks.tolist())
     away, _ = nearest(engine.coordinates[carriers.ground.triangles], carriers.ground.places[walks])
     assert standing.apart[walks] == pytest.approx(away, abs=1e-12)
     assert (standing.apart <= before).all()
@@ -89,12 +84,7 @@ def test_no_triangle_turns_over():
     engine, domain = walkers(mesh, 0.1)
     for _ in range(3):
         list(steps(engine, domain, "random"))
-    triangles = mesh.cells[0].vertices
-    p, q, r = mesh.points[triangles].swapaxes(0, 1)
-    normals = np.cross(q - p, r - p)
-    a, b, c = engine.points[triangles].swapaxes(0, 1)
-    below = nearest(mesh.points[triangles], (a + b + c) / 3)[1]
-    assert ((np.cross(b - a, c - a) * normals[below]).sum(axis=1) > 0).all()
+    assert (uprightness(mesh, engine.points) > 0).all()
 
 
 @pytest.mark.parametrize("seed", range(3))
