@@ -141,10 +141,8 @@ def _smoothed(
         problem = problem.keeping_within(share * bound)
         engine = (make or EngineKind.make)(kind, problem, options.threads)
         hook = _record_means(mean, engine, domain, on_sweep) if means else on_sweep
-        run, reference = (
-            Run(domain, moves, engine, options, hook, interrupted, rounding, attempt.spent),
-            before,
-        )
+        run = Run(domain, moves, engine, options, hook, interrupted, rounding, attempt.spent)
+        reference = before
         if untangling:
             run.untangle()
             after = measure(domain, domain.lift(mesh.points, run.points), relaxed)

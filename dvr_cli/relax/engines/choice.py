@@ -165,9 +165,10 @@ def choose_engine(
     if name == "auto":
         sweeps = min(max_iterations, _USUAL_SWEEPS)
         work = vertices * (sweeps + (_PATCHES if patches else 0)) + walking * sweeps * _WALK
-        usual = [".", *(["surface"] * (walking > 0)), *(["patches"] * patches)]
+        others = [".", *(["surface"] * (walking > 0)), *(["patches"] * patches)]
+        folders = ["surface"] if mesh.surface else others
         fastest, repays = KINDS["numba"], _REPAYS
-        if not _are_compiled(["surface"] if mesh.surface else usual, mesh.planar, mesh.measured):
+        if not _are_compiled(folders, mesh.planar, mesh.measured):
             fastest, repays = (
                 (_HANDOVER, _REPAYS_STARTING)
                 if meanwhile and walking <= _WALKS_MEANWHILE and _starts_python()
