@@ -5,7 +5,6 @@ A phase that many runs do without is imported by those that have it.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -59,7 +58,7 @@ class Run:
         self._domain, self._moves, self._engine, self._options = domain, moves, engine, options
         self._rounding = rounding
         self._on_sweep, self._interrupted = on_sweep, interrupted
-        self._began = time.perf_counter() - spent
+        self._began = engine.now() - spent
         self._start = moves.start(domain.points)
         self.points = self._start
         self.stopped_because = StopReason.NOTHING_TO_RELAX
@@ -79,7 +78,7 @@ class Run:
     @property
     def seconds(self) -> float:
         """Since the run began."""
-        return time.perf_counter() - self._began
+        return self._engine.now() - self._began
 
     def untangle(self) -> None:
         """Make inverted elements positive."""

@@ -105,7 +105,6 @@ def takes(options: SmoothOptions) -> bool:
         and options.boundary == "fixed"
         and options.order == "coloured"
         and options.shape in ("auto", "ideal")
-        and options.stopping.time_limit is None
     )
 
 

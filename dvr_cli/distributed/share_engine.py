@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dvr_cli.distributed.job import LEAD
 from dvr_cli.distributed.member import Member, member_of
 from dvr_cli.distributed.share_quality import is_at_least, of_rank
 from dvr_cli.distributed.shared_parts import Share
@@ -43,6 +44,11 @@ class ShareEngine(Engine):
         self._member: Member = member_of(comm, share.part, kind, 1 if threads is None else threads)
         self.threads = self._member.engine.threads
         self._relaxes = any(comm.allgather(super().relaxes))
+
+    def now(self) -> float:
+        """The clock of the leading rank, so that all see the same limit reached."""
+        seconds: float = self._comm.bcast(super().now(), LEAD)
+        return seconds
 
     @property
     def relaxes(self) -> bool:

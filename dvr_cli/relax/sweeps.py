@@ -5,7 +5,6 @@ Each is a phase of a run with a guarantee of its own, see ``phases``.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -71,7 +70,7 @@ def relax(
     on_sweep: called after each sweep. interrupted: asked after each batch; when true the mesh reached is the
     result. done: how many sweeps came before. Every intermediate mesh is valid and no worse (Theorem 4.10).
     """
-    start = time.perf_counter()
+    start = engine.now()
     if points is not None:
         engine.load(points)
     if not engine.relaxes:
@@ -86,29 +85,29 @@ def relax(
         enough = badness_of(level, engine.problem.dimension)
 
     def ended() -> StopReason | None:
-        seconds = time.perf_counter() - start
+        seconds = engine.now() - start
         return stopping.reason(history, seconds) if care is None else care.reason(len(sweeps), seconds)
 
     while (reason := ended()) is None:
-        sweep_start = time.perf_counter()
+        sweep_start = engine.now()
         moved = 0
         mover, active = (engine, None) if care is None else engine.focused(care.active)
         directions = mover.directions(field, len(sweeps), active)
         for batch in range(engine.batches):
             engine.hand_over()
             moved += mover.move_batch(batch, directions, active, enough)
-            if (cut := cut_short(start, stopping, interrupted)) is not None:
+            if (cut := cut_short(engine, start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
         if care is not None:
             care.update()
         history.append(engine.q1() if care is None else care.q1)
-        number, seconds = done + len(sweeps) + 1, time.perf_counter() - sweep_start
+        number, seconds = done + len(sweeps) + 1, engine.now() - sweep_start
         below = None if care is None else care.below
         sweeps.append(Sweep(number, "relax", history[-1], moved, seconds, below=below))
         if on_sweep is not None:
             on_sweep(sweeps[-1])
     if not sweeps:  # what ended untangling early is then the reason
-        reason = cut_short(start, stopping, interrupted) or reason
+        reason = cut_short(engine, start, stopping, interrupted) or reason
     return Relaxation(engine.points, sweeps, reason)
 
 
@@ -155,24 +154,24 @@ def polish(
     qualities (C,) reached.
     """
     limit = badness_of(floor, engine.problem.dimension)
-    start = time.perf_counter()
+    start = engine.now()
     qualities = engine.qualities() if work.known is None else work.known
     reached, growth = work.reached(engine, qualities, engine.mean(qualities)), 0.0
     sweeps: list[Sweep] = []
     while len(sweeps) < stopping.max_iterations:
-        sweep_start = time.perf_counter()
+        sweep_start = engine.now()
         moved = 0
         now = aim(qualities) if callable(aim) else aim
         active = None if work.below == np.inf else engine.ring_qualities(qualities) < work.below
         for batch in range(engine.batches):
             engine.hand_over()
             moved += engine.polish_batch(batch, limit, now, active)
-            if (cut := cut_short(start, stopping, interrupted)) is not None:
+            if (cut := cut_short(engine, start, stopping, interrupted)) is not None:
                 return Relaxation(engine.points, sweeps, cut)
         qualities, before = engine.qualities(), reached
         mean = engine.mean(qualities)
         reached = work.reached(engine, qualities, mean)
-        seconds = time.perf_counter() - sweep_start
+        seconds = engine.now() - sweep_start
         below = engine.share(qualities < floor) if now.by_ring else None
         number, q1 = done + len(sweeps) + 1, engine.lowest(qualities)
         sweeps.append(Sweep(number, work.phase, q1, moved, seconds, mean, below))
@@ -185,10 +184,12 @@ def polish(
     return Relaxation(engine.points, sweeps, StopReason.MAX_ITERATIONS, qualities)
 
 
-def cut_short(start: float, stopping: Stopping, interrupted: Callable[[], bool]) -> StopReason | None:
-    """The reason to stop in the middle of a sweep, or None; start: when the phase began, in seconds."""
+def cut_short(
+    engine: Engine, start: float, stopping: Stopping, interrupted: Callable[[], bool]
+) -> StopReason | None:
+    """The reason to stop in the middle of a sweep, or None; start: when the phase began (``Engine.now``)."""
     if interrupted():
         return StopReason.INTERRUPTED
-    if stopping.time_limit is not None and time.perf_counter() - start >= stopping.time_limit:
+    if stopping.time_limit is not None and engine.now() - start >= stopping.time_limit:
         return StopReason.TIME_LIMIT
     return None

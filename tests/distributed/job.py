@@ -3,11 +3,13 @@
 mpiexec -n 3 python job.py commands.json codes.json [fault]
 """
 
+import itertools
 import json
 import os
 import resource
 import signal
 import sys
+import time
 from pathlib import Path
 
 from mpi4py import MPI
@@ -46,11 +48,19 @@ def not_read(*arguments):
     raise AssertionError("a rank reads the whole mesh")
 
 
+def fast():
+    """A clock that is an hour ahead, and one more each time that it is asked."""
+    return clock() + 3600.0 * next(hours)
+
+
 moves, exchanges = Member._moved, Member.exchange
+clock, hours = time.perf_counter, itertools.count(1)
 commands, codes, *fault = sys.argv[1:]
 if "in shares" in fault:
     fault.remove("in shares")
     reading.open_mesh = not_read
+    if RANK > 0:
+        time.perf_counter = fast
 if fault == ["a rank fails to send"]:
     Member.exchange = exchanging
 if fault == ["a rank fails"]:

@@ -38,6 +38,8 @@ RUNS = (
     ("positive", "--patches -n 5"),
     ("41.msh", "--patches -n 3 --target 0.5"),
     ("22.msh", "-d random -n 2 --patches"),
+    ("positive", "-n 3 --time-limit 3600"),  # the clocks of other ranks are ahead
+    ("positive", "--time-limit 1e-9"),
 )
 # ranks, and one run in so many, where tests may take long
 OTHERS = ((1, 3), (2, 3), (3, 3), (4, 1), (8, 3))

@@ -10,8 +10,8 @@ from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.vector import at_least, ring_minima
-from dvr_cli.relax import sweeps
 from dvr_cli.relax.directions import direction_field
+from dvr_cli.relax.engines import engine
 from dvr_cli.relax.engines.numpy_engine import NumpyEngine
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import Stopping
@@ -129,7 +129,7 @@ def test_nothing_to_relax():
 
 @pytest.mark.parametrize("limit", [5, 12, 30])
 def test_time_limit_ends_a_sweep_after_the_batch_at_hand(monkeypatch, limit):
-    monkeypatch.setattr(sweeps, "time", Clock())
+    monkeypatch.setattr(engine, "time", Clock())
     run = Run()
     outcome = run.relax(time_limit=limit, **FOREVER)
     assert outcome.stopped_because == "time-limit"
@@ -140,7 +140,7 @@ def test_time_limit_ends_a_sweep_after_the_batch_at_hand(monkeypatch, limit):
 
 
 def test_time_limit_is_not_met_while_the_clock_stands_still(monkeypatch):
-    monkeypatch.setattr(sweeps, "time", SimpleNamespace(perf_counter=lambda: 7.0))
+    monkeypatch.setattr(engine, "time", SimpleNamespace(perf_counter=lambda: 7.0))
     outcome = Run().relax(time_limit=1e-9, max_iterations=3, tol=0)
     assert outcome.stopped_because == "max-iterations"
     assert [sweep.seconds for sweep in outcome.sweeps] == [0, 0, 0]

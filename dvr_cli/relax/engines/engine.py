@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -230,6 +231,10 @@ class Engine(ABC):
         directions = np.zeros_like(points)
         directions[active] = found
         return directions
+
+    def now(self) -> float:
+        """Seconds by the clock that all go by who move this problem's vertices."""
+        return time.perf_counter()
 
     def hand_over(self) -> bool:
         """Let a quicker engine go on if one has become ready; asked between batches.

@@ -13,7 +13,6 @@ are as independent as the vertices of a batch, so the result does not depend on 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -49,25 +48,25 @@ def relax_patches(
     many sweeps came before. on_sweep: called after each round. interrupted: asked before each patch; when
     true the mesh reached is the result. Every intermediate mesh is valid and no worse.
     """
-    start = time.perf_counter()
+    start = engine.now()
     if not engine.relaxes:
         return Relaxation(engine.points, [], StopReason.NOTHING_TO_RELAX)
     state, rounds = _State(engine, level), engine.rounds()
     sweeps: list[Sweep] = []
 
     def time_is_up() -> bool:
-        return cut_short(start, stopping, interrupted) is not None
+        return cut_short(engine, start, stopping, interrupted) is not None
 
-    while (reason := cut_short(start, stopping, interrupted) or state.done(stopping.target)) is None:
+    while (reason := cut_short(engine, start, stopping, interrupted) or state.done(stopping.target)) is None:
         if len(sweeps) == stopping.max_iterations:
             reason = StopReason.MAX_ITERATIONS
             break
-        round_start = time.perf_counter()
+        round_start = engine.now()
         if engine.hand_over():
             rounds = engine.rounds()
         solved = rounds.solve(state.worst, state.quality, state.layers, state.most, state.enough, time_is_up)
         state.take_over(solved)
-        number, seconds = done + len(sweeps) + 1, time.perf_counter() - round_start
+        number, seconds = done + len(sweeps) + 1, engine.now() - round_start
         sweeps.append(Sweep(number, "patches", state.q1, solved.moved, seconds, below=state.below))
         if on_sweep is not None:
             on_sweep(sweeps[-1])
