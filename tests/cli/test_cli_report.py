@@ -124,6 +124,17 @@ def test_the_quality_fits_a_terminal(dvr, terminal, cube, columns):
     assert all(word in words for line in figures for word in line.replace("█", "").split())
 
 
+@pytest.mark.parametrize("unit", [1e-4, 0.02, 1.0, 1e4])
+def test_figures_of_any_size_fit_their_columns(dvr, tmp_path, unit):
+    """Units range from micrometres to kilometres; the conduction bound is one over their square."""
+    path = write(tmp_path / "mesh.vtk", unit * np.array([*CORNERS, [0.8, 0.9]]), {"triangle": FAN})
+    summary = dvr("smooth", path, tmp_path / "out.vtk").err.splitlines()
+    header = next(line for line in summary if line.endswith("before    after"))
+    figures = next(line for line in summary if line.startswith("  conduction bound"))
+    assert len(figures) == len(header)
+    assert len(figures.split()) == 4
+
+
 def test_the_quality_in_a_pipe_is_a_table(dvr, tmp_path):
     path = fan(tmp_path / "mesh.msh")
     result = dvr("report", "quality", path, "--worst", "2")

@@ -54,8 +54,8 @@ def digits(value: Value, label: str = "") -> str:
         return str(value)
     if label.endswith("(deg)"):
         return f"{value:.2f}"
-    if abs(value) >= 1e6:
-        return f"{value:.3e}"
+    if abs(value) >= 1e3:
+        return f"{value:.1f}" if abs(value) < 1e6 else f"{value:.2e}"
     return f"{value:.4f}" if value == 0 or abs(value) >= 1e-3 else f"{value:.1e}"
 
 
