@@ -218,7 +218,7 @@ def _in_shares(ranks: int, n: int, *more: str) -> list[object]:
 def _tetrahedra(n: int) -> int:
     ranges = format_named("vtk").ranges_of(_as_vtk(n))
     assert ranges is not None
-    return ranges.main.count
+    return ranges.count
 
 
 def _as_vtk(n: int) -> Path:

@@ -12,19 +12,26 @@ from pathlib import Path
 import meshio
 import numpy as np
 
+from dvr_cli.files.vtk.cells import VTK_ORDER, VTK_TYPE
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Mesh
 from meshes import random_mesh
 
 FILES = ("5.1.vtk", "4.2.vtk", "41.msh", "41-big.msh", "22.msh", "22-batches.msh", "raw.vtu", "raw-big.vtu")
-_CODES = {"vertex": 15, "line": 1, "triangle": 2, "tetra": 4}
+MIXED = ("5.1-mixed.vtk", "4.2-mixed.vtk", "41-mixed.msh", "22-mixed.msh", "raw-mixed.vtu")
+PLANAR = ("5.1-planar.vtk", "41-planar.msh", "22-planar.msh", "raw-planar.vtu")
+_CODES = {"vertex": 15, "line": 1, "triangle": 2, "quad": 3, "tetra": 4}
+_CODES |= {"hexahedron": 5, "wedge": 6, "pyramid": 7}
 
 
 def write_ranged(folder: Path, name: str) -> Path:
-    """The file of this name, one of FILES."""
-    mesh, path = random_mesh("tetra", 1, n=4, noise=0.2), folder / name
+    """The file of this name, one of FILES, of MIXED with several types of cells, or of PLANAR in a plane."""
+    kind = {"mixed": "mixed3d", "planar": "mixed2d"}.get(Path(name).stem.split("-")[-1], "tetra")
+    mesh, path = random_mesh(kind, 1, n=4, noise=0.2), folder / name
+    mesh = Mesh(np.pad(mesh.points, ((0, 0), (0, 3 - mesh.points.shape[1]))), mesh.cells)
     order = ">" if "big" in name else "<"
     if path.suffix == ".vtk":
-        blocks = [("tetra", mesh.cells[0].vertices)]
+        blocks = [(block.type, block.vertices) for block in mesh.cells]
         meshio.Mesh(mesh.points, blocks).write(path, file_format={"5": "vtk", "4": "vtk42"}[name[0]])
     elif path.suffix == ".vtu":
         raw_vtu(path, mesh, order)
@@ -36,7 +43,16 @@ def write_ranged(folder: Path, name: str) -> Path:
 
 
 def blocks_of(mesh: Mesh) -> list[tuple[str, int, int, np.ndarray]]:
-    """The type, physical group, entity and cells of each block, from the points to the two halves."""
+    """The type, physical group, entity and cells of each block, from the points to the two halves.
+
+    Of a mesh with several types a facet of the first, and then all its blocks.
+    """
+    if len(mesh.cells) > 1:
+        first = CELL_TYPES[mesh.cells[0].type]
+        facet = np.take(mesh.cells[0].vertices[:1], first.facets[0], axis=1)
+        name = {2: "line", 4: "quad"}[facet.shape[1]]
+        blocks = [(block.type, 5 + i, 1 + i, block.vertices) for i, block in enumerate(mesh.cells)]
+        return [(name, 1, 1, facet), *blocks]
     cells = mesh.cells[0].vertices
     left = mesh.points[cells].mean(axis=1)[:, 0] < 0.5
     halves = cells[left], cells[~left]
@@ -105,7 +121,7 @@ def gmsh_41(
     number = np.zeros(n + 1, dtype=np.int64)
     number[:n] = tags
     blocks = blocks_of(mesh)
-    dimension = {"vertex": 0, "line": 1, "triangle": 2, "tetra": 3}
+    dimension = {name: CELL_TYPES[name].dimension for name, *_ in blocks}
     entities = pack("4q", *(sum(dimension[name] == d for name, *_ in blocks) for d in range(4)))
     for name, physical, entity, _ in blocks:
         of_entity = [physical, 7][:groups] if (name, entity) == ("tetra", 1) else [physical] * (physical > 0)
@@ -133,15 +149,17 @@ def gmsh_41(
 
 def raw_vtu(path: Path, mesh: Mesh, order: str = "<", cell_field: bool = False) -> None:
     """Write a VTU file with raw appended arrays, a field on its points, and one on its cells if wanted."""
-    cells = mesh.cells[0].vertices
+    cells = [block.vertices[:, VTK_ORDER.get(block.type, slice(None))] for block in mesh.cells]
+    sizes = np.concatenate([np.full(len(rows), rows.shape[1]) for rows in cells])
+    types = np.concatenate([np.full(len(b.vertices), VTK_TYPE[b.type], np.uint8) for b in mesh.cells])
     header = np.dtype(f"{order}u8" if order == "<" else f"{order}u4")
     arrays = {
         "Points": ("Float64", 3, mesh.points.astype(f"{order}f8")),
         "u": ("Float32", 1, mesh.points[:, 0].astype(f"{order}f4")),
-        "material": ("Int32", 1, np.arange(len(cells)).astype(f"{order}i4") % 2),
-        "connectivity": ("Int64", 1, cells.astype(f"{order}i8")),
-        "offsets": ("Int32", 1, (4 * np.arange(1, len(cells) + 1)).astype(f"{order}i4")),
-        "types": ("UInt8", 1, np.full(len(cells), 10, np.uint8)),
+        "material": ("Int32", 1, np.arange(len(types)).astype(f"{order}i4") % 2),
+        "connectivity": ("Int64", 1, np.concatenate([rows.ravel() for rows in cells]).astype(f"{order}i8")),
+        "offsets": ("Int32", 1, np.cumsum(sizes).astype(f"{order}i4")),
+        "types": ("UInt8", 1, types),
     }
     tags, data = {}, b""
     for name, (kind, components, values) in arrays.items():
@@ -154,7 +172,7 @@ def raw_vtu(path: Path, mesh: Mesh, order: str = "<", cell_field: bool = False) 
     text = (
         f'<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{words}" '
         f'header_type="UInt{8 * header.itemsize}">\n<UnstructuredGrid>'
-        f'<Piece NumberOfPoints="{len(mesh.points)}" NumberOfCells="{len(cells)}">\n'
+        f'<Piece NumberOfPoints="{len(mesh.points)}" NumberOfCells="{len(types)}">\n'
         f"<PointData>{tags['u']}</PointData>\n<CellData>{tags['material'] if cell_field else ''}</CellData>\n"
         f"<Points>{tags['Points']}</Points>\n"
         f"<Cells>{tags['connectivity']}{tags['offsets']}{tags['types']}</Cells>\n"

@@ -19,10 +19,9 @@ from dvr_cli.distributed.lead import LeadEngine
 from dvr_cli.distributed.member import take_turns
 from dvr_cli.distributed.ranks import on_all, on_lead
 from dvr_cli.errors import UsageError
-from dvr_cli.files.ranges import MAIN
 from dvr_cli.mesh.convert import from_arrays
 from dvr_cli.quality.measure import Quality
-from dvr_cli.relax.engines.choice import KINDS, choose_engine
+from dvr_cli.relax.engines.choice import KINDS, MeshKind, choose_engine
 from dvr_cli.report.records import SmoothReport
 
 if TYPE_CHECKING:
@@ -58,7 +57,7 @@ def smooth_distributed(
     vertices' ids in ascending order. That holds for any number of ranks and any distribution. Random
     directions are drawn for the place of a vertex in that order.
 
-    Tetrahedra with the options that docs/distributed.md names are dealt out anew, and no rank has the whole.
+    Linear cells, with the options that docs/distributed.md names, are dealt out anew; no rank has the whole.
     Otherwise the leading rank (0) gathers the mesh, sets up and measures; the sweeps are done on all. So one
     machine's memory bounds the mesh then.
 
@@ -117,10 +116,11 @@ def _in_shares(comm: Any, piece: Piece, options: SmoothOptions) -> tuple[np.ndar
     if share is None:
         return None
     of_work = share.store.size, options.stopping.max_iterations, options.takes_patches
-    engine = comm.bcast(on_all(comm, lambda: choose_engine(options.engine, *of_work)).name, LEAD)
+    mesh = MeshKind(planar=share.store.kinds.dimension == 2)
+    engine = comm.bcast(on_all(comm, lambda: choose_engine(options.engine, *of_work, mesh=mesh)).name, LEAD)
     with ending_the_job(comm):
         take_turns(KINDS[engine])
-        work = Work(options, engine, False, {MAIN: share.count}, once=False)
+        work = Work(options, engine, False, share.counts, once=False)
         done = smooth_store(comm, share.store, work, Hooks())
         if done is None:
             return None

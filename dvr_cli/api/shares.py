@@ -29,15 +29,16 @@ from dvr_cli.distributed.share_reading import own_range, read_share, store_of
 from dvr_cli.distributed.share_writing import write_copy
 from dvr_cli.distributed.shared_parts import Share, share_of
 from dvr_cli.distributed.shares import CellRows, Local, Store
-from dvr_cli.errors import DvrError, InputError
-from dvr_cli.files.ranges import MAIN, Ranges
+from dvr_cli.errors import DvrError, InputError, UsageError
+from dvr_cli.files.ranges import Ranges
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.ranks import distinct
 from dvr_cli.mesh.region_choice import regions_of
 from dvr_cli.quality.limits import HeldBy, Limit, limit_of
 from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities
 from dvr_cli.quality.measure import Quality
-from dvr_cli.quality.stretching import REACH, any_seeds
+from dvr_cli.quality.stretching import REACH, any_seeds, in_sheet
 from dvr_cli.relax.directions import direction_field
 from dvr_cli.relax.engines.choice import KINDS
 from dvr_cli.relax.phases import TANGLED
@@ -77,8 +78,7 @@ class Task(NamedTuple):
     @property
     def work(self) -> Work:
         """The work between reading and writing."""
-        counts = {name: table.count for name, table in self.ranges.cells}
-        return Work(self.options, self.engine, self.vector, counts, self.ranges.once)
+        return Work(self.options, self.engine, self.vector, self.ranges.counts, self.ranges.once)
 
 
 class Hooks(NamedTuple):
@@ -138,7 +138,7 @@ def smooth_shares(comm: Any, task: Task, hooks: Hooks | None = None) -> SmoothRe
 class Smoothed(NamedTuple):
     """The result for a store: the report, and where the vertices are that this rank owns.
 
-    vertices: (n,) the index of these in the whole, and points: (n, 3).
+    vertices: (n,) the index of these in the whole, and points: (n, D).
     """
 
     report: SmoothReport
@@ -183,7 +183,8 @@ class _Mine(NamedTuple):
 
 def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None:
     """The work of this rank; None on all ranks where the mesh has to be on one, see ``smooth_shares``."""
-    if not _agree(comm, len(store.cells.ids) > 0):
+    is_surface = len(store.axes) > store.kinds.dimension
+    if is_surface or not _agree(comm, len(store.cells.ids) > 0):
         return None
     if work.once and not _agree(comm, not _has_repeated(store)):
         return None
@@ -194,8 +195,8 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
     domain = _positive_domain(comm, local, backend)
     if domain is None:
         return None
-    if looks and comm.size == 1 and any_seeds(domain, store.owned(store.cells.cells)):  # it has all there is
-        return None
+    if looks and comm.size == 1 and _sees_layers(comm, domain, store.owned(store.cells.cells)):
+        return None  # it has all there is
     share = share_of(comm, store, local, domain, domain.interior)
     own = np.flatnonzero(share.own & share.relaxed)
     domain = replace(domain, cell_ids=local.cells)
@@ -228,7 +229,16 @@ def _has_layers(comm: Any, store: Store, backend: Any) -> bool:
     none = CellRows(*(column[:0] for column in store.lower))
     domain = domain_of(store.local(cells, none).mesh, backend=backend)
     repeated = len(domain.repeated) > 0
-    return not _agree(comm, not repeated and not any_seeds(domain, store.owned(cells.cells)))
+    seen = _sees_layers(comm, domain, store.owned(cells.cells))
+    return seen or not _agree(comm, not repeated)
+
+
+def _sees_layers(comm: Any, domain: Domain, among: np.ndarray) -> bool:
+    """True on all ranks if any has seeds of layers among its own cells, or if these might make a sheet.
+
+    among: (n,) bool, those of the domain's cells.
+    """
+    return not _agree(comm, not any_seeds(domain, among)) or comm.allreduce(in_sheet(domain, among)) >= 1.0
 
 
 def _smoothed(
@@ -237,8 +247,11 @@ def _smoothed(
     """The report, None where the result is not what it should be, and the rank's coordinates reached."""
     local, domain, share, view = mine
     options, kind = work.options, KINDS[work.engine]
-    field = direction_field(options.entries, domain, {}, options.seed, options.center, options.axis)
-    before = quality_of(comm, view, domain.points, work.vector)
+    try:
+        field = direction_field(options.entries, domain, {}, options.seed, options.center, options.axis)
+    except UsageError:  # the leading rank will say so
+        return None, domain.points
+    before = quality_of(comm, view, local.mesh.points, work.vector)
     start = time.perf_counter()
     engine = ShareEngine(comm, kind, share, options.threads)
     everywhere = np.ones(len(local.index), dtype=bool)
@@ -252,15 +265,16 @@ def _smoothed(
     if options.takes_polish:
         run.polish(before.q1 or 0.0)
     if options.polish is None and run.polished:
-        minima = minima_of(view, run.points), minima_of(view, domain.points)
+        reached = domain.lift(local.mesh.points, run.points)
+        minima = minima_of(view, reached), minima_of(view, local.mesh.points)
         if not is_at_least(comm, *minima):
             run.undo_polish()
-    points = run.points
+    points = domain.lift(local.mesh.points, run.points)
     after = quality_of(comm, view, points, work.vector)
     seconds = time.perf_counter() - start
     if is_worse(after, before) or (options.keeps_altitude and lowers_altitude(after, before)):
         return None, points
-    unmoved = _agree(comm, np.array_equal(points, domain.points))
+    unmoved = _agree(comm, np.array_equal(points, local.mesh.points))
     limited_by = None
     ended = run.stopped_because in DONE or after.is_capped
     if ended and not has_nothing_to_gain(after, unmoved):
@@ -292,12 +306,14 @@ def _asked(comm: Any, interrupted: Callable[[], bool]) -> Callable[[], bool]:
 
 def _summary(comm: Any, store: Store, mine: _Mine, counts: dict[str, int]) -> MeshSummary:
     """The summary of the whole mesh."""
-    region, divided_by = regions_of(store.kinds.summary(), [0])
+    kinds = store.kinds.summary()
+    region, divided_by = regions_of(kinds, list(range(len(kinds.cells))))
+    moving = sum(n for name, n in counts.items() if CELL_TYPES[name].dimension == mine.domain.dimension)
     return replace(
         summarise(mine.local.mesh, mine.domain),
         points=store.size,
         cells=counts,
-        mirrored=counts[MAIN] if mine.domain.mirrored else 0,
+        mirrored=moving if mine.domain.mirrored else 0,
         regions=int(region.max()) + 1,
         divided_by=divided_by,
         orphans=store.size - comm.allreduce(int(mine.share.own.sum())),
@@ -309,30 +325,32 @@ def _limit(
 ) -> Limit | None:
     """The limit of the whole, on the leading rank: from the cells around the worst ones alone."""
     local, domain, share, _ = mine
-    place = np.flatnonzero(np.isin(local.cells, [element.cell for element in after.worst]))
+    worst = np.isin(local.cells, [element.cell for element in after.worst])
+    place = np.repeat(worst, np.diff(domain.corners.start))
     named = distinct(local.number[domain.corners.vertices[place].ravel()])
     named = distinct(np.concatenate(comm.allgather(named)))
     if comm.rank != LEAD:
         named = named[:0]
     near = store.local(store.around(named), store.lower_around(named))
-    rows = np.zeros((store.count, 5))
-    rows[:, :3] = store.points
+    d = points.shape[1]
+    rows = np.zeros((store.count, d + 2))
+    rows[:, :d] = store.points
     own = local.number[share.own] - store.first
-    rows[own, :3] = points[share.own]
-    rows[own, 3], rows[own, 4] = domain.interior[share.own], share.relaxed[share.own]
+    rows[own, :d] = points[share.own]
+    rows[own, d], rows[own, d + 1] = domain.interior[share.own], share.relaxed[share.own]
     around, _ = store.of_others(near.number, rows)
     if comm.rank != LEAD:
         return None
     # two vertices more, of no cell, so that the mesh is as large as the whole
     corners = np.stack([store.low, store.high])
     small = replace(near.mesh, points=np.concatenate([near.mesh.points, corners]))
-    interior = np.append(around[:, 3], (0.0, 0.0)).astype(bool)
+    interior = np.append(around[:, d], (0.0, 0.0)).astype(bool)
     free = np.ones(len(small.points), dtype=bool)
     of_small = replace(domain_of(small), interior=interior, cell_ids=near.cells)
     return limit_of(
         of_small,
-        np.concatenate([around[:, :3], corners]),
-        np.flatnonzero(around[:, 4]),
+        np.concatenate([around[:, :d], corners]),
+        np.flatnonzero(around[:, d + 1]),
         after,
         HeldBy({}, freer(small, of_small, options.boundary, free, options.feature_angle)),
         names=np.append(near.index, (-1, -1)),

@@ -42,7 +42,7 @@ def smooth_in_shares(
     from dvr_cli.errors import DvrError
     from dvr_cli.files import writing
     from dvr_cli.files.formats import formats_by_suffix
-    from dvr_cli.relax.engines.choice import choose_engine
+    from dvr_cli.relax.engines.choice import MeshKind, choose_engine
 
     source, output, report = paths
     formats = formats_by_suffix(source)
@@ -54,10 +54,11 @@ def smooth_in_shares(
     if writing.is_stream(output) or not source.is_file():
         return None
     ranges = formats[0].ranges_of(source)
-    if ranges is None or ranges.main.count < comm.size:
+    if ranges is None or ranges.dimension < 2 or ranges.count < comm.size:
         return None
     sweeps = options.stopping.max_iterations
-    kind = choose_engine(options.engine, ranges.points.count, sweeps, options.takes_patches)
+    mesh = MeshKind(planar=ranges.dimension == 2)
+    kind = choose_engine(options.engine, ranges.points.count, sweeps, options.takes_patches, mesh=mesh)
     task = Task(source, ranges, output, options, kind.name, report is not None)
     result = together(comm, smooth_shares, (task,), Hooks(on_sweep, interrupted))
     if isinstance(result, DvrError):

@@ -12,28 +12,28 @@ import numpy as np
 
 from dvr_cli.distributed.gathering import Piece
 from dvr_cli.distributed.rows import asked, bounds, owner_of, places, sent
-from dvr_cli.distributed.shares import CellRows, Kinds, Store
-from dvr_cli.files.ranges import MAIN
-from dvr_cli.mesh.cell_types import CELL_TYPES
+from dvr_cli.distributed.shares import CellRows, Kinds, Store, widened
+from dvr_cli.mesh.cell_types import CELL_TYPES, relaxed_dimension
 
 
 @dataclass(frozen=True, eq=False)
 class Dealt:
     """The share that a rank has of a mesh that was dealt out.
 
-    store: its share. count: of the cells of the whole. index: (n,) of each vertex of its piece in the whole.
-    points: (k, 3) of its range of vertices in the order of the whole, see ``rows.bounds``.
+    store: its share. counts: how many cells of each type the whole has. index: (n,) of each vertex of
+    its piece in the whole. points: (k, D) of its range of vertices in the order of the whole, see
+    ``rows.bounds``.
     """
 
     store: Store
-    count: int
+    counts: dict[str, int]
     index: np.ndarray
     points: np.ndarray
 
     def of_piece(self, index: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """(n, 3) where the vertices of the piece are, once each rank has moved those that it owns.
+        """(n, D) where the vertices of the piece are, once each rank has moved those that it owns.
 
-        index: (m,) of these in the whole, and moved: (m, 3).
+        index: (m,) of these in the whole, and moved: (m, D).
         """
         comm, size = self.store.comm, self.store.size
         ranges = bounds(size, comm.size)
@@ -47,32 +47,47 @@ class Dealt:
 def dealt(comm: Any, piece: Piece) -> Dealt | None:
     """The share of each rank of the mesh of which each has a piece, on all ranks together.
 
-    None on all where there are other cells than tetrahedra, or pieces contradict each other.
+    None on all where cells are not linear ones of one dimension, or pieces contradict each other.
     """
-    points, blocks = piece.mesh.points, piece.mesh.cells
-    nodes = CELL_TYPES[MAIN].nodes
+    points, blocks = piece.mesh.points, [block for block in piece.mesh.cells if len(block.vertices)]
     ids = [piece.vertices] if piece.cells is None else [piece.vertices, piece.cells]
-    fits = points.dtype == np.float64 and points.shape[1] == 3 and all(block.type == MAIN for block in blocks)
+    fits = points.dtype == np.float64
     fits = fits and all(int(some.max(initial=0)) <= np.iinfo(np.int64).max for some in ids)
-    given = comm.allgather((fits, piece.cells is None, piece.count))
-    if not all(fit for fit, _, _ in given) or len({none for _, none, _ in given}) > 1:
+    given = comm.allgather((fits, points.shape[1], piece.cells is None, {block.type for block in blocks}))
+    types = sorted(set().union(*(some for *_, some in given)), key=list(CELL_TYPES).index)
+    linear = all(relaxed_dimension(name) for name in types)
+    alike = len({each[1:3] for each in given}) == 1 and len({relaxed_dimension(name) for name in types}) == 1
+    if not (all(each[0] for each in given) and linear and alike):
         return None
-    count = sum(number for _, _, number in given)
+    counts = {name: comm.allreduce(sum(len(b.vertices) for b in blocks if b.type == name)) for name in types}
     index = places(comm, piece.vertices.astype(np.int64))
     size = _most(comm, index)
-    rows = np.concatenate([np.empty((0, nodes), dtype=np.int64), *(block.vertices for block in blocks)])
-    cells = index[rows.astype(np.int64)]
-    ordered = np.sort(cells, axis=1)
-    order = ordered.T if piece.cells is None else [piece.cells.astype(np.int64)]
-    number = places(comm, *order)
-    sound = _most(comm, number) == count and bool((ordered[:, 1:] != ordered[:, :-1]).all())
+    parts = [np.empty((0, max(CELL_TYPES[name].nodes for name in types)), dtype=np.int64)]
+    kinds = [np.empty(0, dtype=np.uint8)]
+    for block in blocks:
+        parts.append(widened(index[block.vertices.astype(np.int64)], parts[0].shape[1]))
+        kinds.append(np.full(len(block.vertices), types.index(block.type), dtype=np.uint8))
+    cells, kind = np.concatenate(parts), np.concatenate(kinds)
+    ordered, sound = _ordered(cells, np.array([CELL_TYPES[name].nodes for name in types])[kind])
+    columns = ordered.T if piece.cells is None else [piece.cells.astype(np.int64)]
+    if piece.cells is None and len(types) > 1:  # by type first
+        columns = [kind * np.int64(size + 1) + 1 + columns[0], *columns[1:]]
+    number = places(comm, *columns)
+    sound = sound and _most(comm, number) == sum(counts.values())
     own = _own_rows(comm, size, index, points)
     if not all(comm.allgather(sound and own is not None)) or own is None:
         return None
-    kinds = Kinds((MAIN,), np.zeros((1, 0), dtype=np.int64), (), MAIN)
-    of_kind = np.zeros(len(cells), dtype=np.uint8)
-    lower = CellRows(number[:0], cells[:0, :1], of_kind[:0])
-    return Dealt(Store(comm, size, kinds, own, CellRows(number, cells, of_kind), lower), count, index, own)
+    of_types = Kinds(tuple(types), np.zeros((len(types), 0), dtype=np.int64), ())
+    lower = CellRows(number[:0], cells[:0, :1], kind[:0])
+    store = Store(comm, size, of_types, own, CellRows(number, cells, kind), lower)
+    return Dealt(store, counts, index, own)
+
+
+def _ordered(cells: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, bool]:
+    """The vertices of each cell, ascending, behind -1 where it has fewer ((n,) ``nodes``); if all differ."""
+    missing = np.arange(cells.shape[1]) >= nodes[:, None]
+    ordered = np.sort(np.where(missing, -1, cells), axis=1)
+    return ordered, bool(((ordered[:, 1:] != ordered[:, :-1]) | (ordered[:, 1:] < 0)).all())
 
 
 def _most(comm: Any, numbers: np.ndarray) -> int:

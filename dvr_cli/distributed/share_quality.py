@@ -22,7 +22,7 @@ _WORST = 10
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """The mesh of a rank, and which of it the rank answers for, in cells of one corner each.
+    """The mesh of a rank, and which of it the rank answers for.
 
     domain: all cells with a vertex that the rank owns; domain.cell_ids: their ids in the whole. cells: (c,)
     bool, those that it owns. relaxed: (n,) bool, vertices that move, on whatever rank. own: (m,) those of
@@ -37,21 +37,24 @@ class View:
 
 
 def quality_of(comm: Any, view: View, points: np.ndarray, vector: bool) -> Quality:
-    """The quality of the whole with coordinates ``points`` (n, d) of the rank's mesh, on all ranks.
+    """The quality of the whole with coordinates ``points`` (n, D) of the rank's mesh, on all ranks.
 
     vector: whether the leading rank gets the quality vector and its vertices; those of others are empty, as
     ``elements`` are on all.
     """
     domain, corners = view.domain, view.domain.corners
-    by_corner = corner_qualities(points, corners, domain.backend)
-    elements = by_corner[view.cells]
+    flat = domain.flatten(points)
+    by_corner = corner_qualities(flat, corners, domain.backend)
+    by_cell = corners.by_cell(np.minimum, by_corner)
+    elements = by_cell[view.cells]
     touched = corners.with_vertex_in(view.relaxed)
-    minima = _minima(view, points, by_corner)
+    minima = _minima(view, by_corner)
     count = comm.allreduce(len(elements))
     mean = mean_of_total(comm.allreduce(total(elements, EXPONENT)), count, EXPONENT)
-    worst = _first(comm, view, points, by_corner, view.cells, _WORST)
-    q1 = _first(comm, view, points, by_corner, view.cells & touched, 1)
-    fixed = _least(comm, by_corner[view.cells & ~touched])
+    worst = _first(comm, view, points, by_cell, by_cell, _WORST)
+    of_touched = corners.by_cell(np.minimum, np.where(touched, by_corner, np.inf))
+    q1 = _first(comm, view, points, by_cell, of_touched, 1)
+    fixed = _least(comm, by_corner[np.repeat(view.cells, np.diff(corners.start)) & ~touched])
     ordered = np.sort(elements)
     return Quality(
         q1=_least(comm, minima),
@@ -63,7 +66,7 @@ def quality_of(comm: Any, view: View, points: np.ndarray, vector: bool) -> Quali
         inverted=comm.allreduce(int((elements < -DEGENERATE).sum())),
         uncertain=0,
         degenerate=comm.allreduce(int((np.abs(elements) <= DEGENERATE).sum())),
-        measures=_measures(comm, measured(domain, points)),
+        measures=_measures(comm, measured(domain, flat)),
         histogram=sum(comm.allgather(histogram(ordered))),
         worst=worst,
         elements=np.empty(0),
@@ -73,12 +76,13 @@ def quality_of(comm: Any, view: View, points: np.ndarray, vector: bool) -> Quali
 
 def minima_of(view: View, points: np.ndarray) -> np.ndarray:
     """(m,) the worst quality around each vertex that moves and the rank owns."""
-    return _minima(view, points, corner_qualities(points, view.domain.corners, view.domain.backend))
-
-
-def _minima(view: View, points: np.ndarray, by_corner: np.ndarray) -> np.ndarray:
     domain = view.domain
-    return ring_minima(by_corner, domain.corners, len(points), domain.backend)[view.own]
+    return _minima(view, corner_qualities(domain.flatten(points), domain.corners, domain.backend))
+
+
+def _minima(view: View, by_corner: np.ndarray) -> np.ndarray:
+    domain = view.domain
+    return ring_minima(by_corner, domain.corners, len(domain.points), domain.backend)[view.own]
 
 
 def is_at_least(comm: Any, values: np.ndarray, before: np.ndarray) -> bool:
@@ -122,16 +126,16 @@ def _measures(comm: Any, mine: dict[str, float | None]) -> dict[str, float | Non
 
 
 def _first(
-    comm: Any, view: View, points: np.ndarray, values: np.ndarray, which: np.ndarray, number: int
+    comm: Any, view: View, points: np.ndarray, by_cell: np.ndarray, values: np.ndarray, number: int
 ) -> list[Element]:
-    """The first cells of all ranks by value, then by id; which: (c,) bool, those that count here."""
-    cells = np.flatnonzero(which)
+    """The first cells of all ranks by value, then by id; by_cell, values: (c,) quality, and what counts."""
+    cells = np.flatnonzero(view.cells & (values < np.inf))
     if len(cells) > number:
         cells = cells[values[cells] <= np.partition(values[cells], number - 1)[number - 1]]
     cells = cells[np.argsort(values[cells], kind="stable")][:number]
-    mine = [element_of(view.domain, points, values, int(cell)) for cell in cells]
+    mine = [(values[cell], element_of(view.domain, points, by_cell, int(cell))) for cell in cells]
     found = [element for elements in comm.allgather(mine) for element in elements]
-    return sorted(found, key=lambda element: (element.quality, element.cell))[:number]
+    return [one for _, one in sorted(found, key=lambda each: (each[0], each[1].cell))[:number]]
 
 
 def _quantiles(comm: Any, ordered: np.ndarray, count: int) -> dict[float, float]:

@@ -8,20 +8,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dvr_cli.distributed.rows import bounds
-from dvr_cli.distributed.shares import CellRows, Kinds, Store
+from dvr_cli.distributed.shares import CellRows, Kinds, Store, joined
 from dvr_cli.errors import InputError
-from dvr_cli.files.ranges import MAIN, Ranges, Table
+from dvr_cli.files.ranges import Ranges, Table
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import is_computable
-
-_WIDTH = max(cell_type.nodes for cell_type in CELL_TYPES.values() if cell_type.dimension < 3)
 
 
 class Read(NamedTuple):
     """The rows that a rank has read.
 
-    points: (n, 3). cells: of each type of the ranges, those of this rank by index, in the order of the file.
-    kinds: of each type the distinct tags of its cells, and (c,) which of them each has.
+    points: (n, 3). cells: of each table of the ranges, those of this rank by index, in the order of the file.
+    kinds: of each table the distinct tags of its cells, and (c,) which of them each has.
     """
 
     points: np.ndarray
@@ -45,10 +43,11 @@ def read_share(comm: Any, source: Path, ranges: Ranges) -> Read | None:
             rows = table.read(source, *own)
             if rows is None:
                 return None
-            named = rows[:, rows.shape[1] - CELL_TYPES[name].nodes :]
-            if not _names_vertices(named, ranges.base, ranges.points.count):
+            if not _names_vertices(rows, ranges.base, ranges.points.count):
                 return None
-            cells.append((named - named.dtype.type(ranges.base)).astype(index))
+            if name in ranges.order:
+                rows = rows[:, ranges.order[name]]
+            cells.append((rows - rows.dtype.type(ranges.base)).astype(index))
             kinds.append(table.kinds(source, *own))
     except OSError as error:
         raise InputError(f"{source}: {(error.strerror or str(error)).lower()}") from error
@@ -67,26 +66,21 @@ def store_of(comm: Any, ranges: Ranges, read: Read) -> Store:
     mine = {(name, tags) for name, (known, _) in zip(names, read.kinds, strict=True) for tags in known}
     known = sorted(set().union(*comm.allgather(mine)))
     number = {kind: i for i, kind in enumerate(known)}
-    main, lower, before = [], [], 0
+    main: list[CellRows] = []
+    lower: list[CellRows] = []
+    before = 0
+    index = read.cells[0].dtype
     for (name, table), cells, (tags, which) in zip(ranges.cells, read.cells, read.kinds, strict=True):
         kinds = np.array([number[name, some] for some in tags], np.min_scalar_type(len(known)))[which]
-        ids = own_range(comm, table)[0] + np.arange(len(cells), dtype=np.int64)
-        if name == MAIN:
-            main.append(CellRows(ranges.first_id + ids, cells, kinds))
-        else:
-            missing = np.repeat(cells[:, :1], _WIDTH - cells.shape[1], axis=1)
-            lower.append(CellRows(before + ids, np.hstack([cells, missing]), kinds))
-            before += table.count
+        ids = before + own_range(comm, table)[0] + np.arange(len(cells), dtype=np.int64)
+        moves = CELL_TYPES[name].dimension == ranges.dimension
+        (main if moves else lower).append(CellRows(ids, cells, kinds))
+        before += table.count
     table_of_tags = np.array([tags for _, tags in known], dtype=np.int64)
     shape = len(known), len(ranges.names)
-    all_kinds = Kinds(tuple(name for name, _ in known), table_of_tags.reshape(shape), ranges.names, MAIN)
-    return Store(comm, ranges.points.count, all_kinds, read.points, main[0], _joined(lower, main[0]))
-
-
-def _joined(parts: list[CellRows], like: CellRows) -> CellRows:
-    """Cells of several types as one, of the numbers that others have."""
-    none = CellRows(like.ids[:0], np.empty((0, _WIDTH), like.cells.dtype), like.kinds[:0])
-    return CellRows(*(np.concatenate(column) for column in zip(none, *parts, strict=True)))
+    all_kinds = Kinds(tuple(name for name, _ in known), table_of_tags.reshape(shape), ranges.names)
+    rows = joined(main, index), joined(lower, index)
+    return Store(comm, ranges.points.count, all_kinds, read.points, *rows)
 
 
 def _names_vertices(cells: np.ndarray, base: int, n: int) -> bool:

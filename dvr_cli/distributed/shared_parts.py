@@ -10,10 +10,13 @@ import numpy as np
 from dvr_cli.distributed.colouring import colours, turns
 from dvr_cli.distributed.parts import Part, Shared
 from dvr_cli.distributed.shares import Local, Store
-from dvr_cli.mesh.corners import Simplices
+from dvr_cli.mesh.cell_types import CELL_TYPES
+from dvr_cli.mesh.corners import Corners, Simplices
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.rings import incidence_of
 from dvr_cli.relax.problem import Problem, touched_corners
+
+_CORNERS = max(len(cell_type.corners) for cell_type in CELL_TYPES.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +25,7 @@ class Share:
 
     place: (n,) the vertices of the rank's mesh in the order of the part. own, relaxed: (n,) bool, of the
     vertices of that mesh those that the rank owns, and those that move, on whatever rank.
-    number: (n,) of the vertices of the part, and cells: (c,) ids of the cells of that mesh, in the whole.
+    number: (n,) of the vertices of the part, and corners: (c,) ids of the corners of that mesh, in the whole.
     bounds: (ranks + 1,) the ranges of numbers that ranks own.
     """
 
@@ -31,14 +34,14 @@ class Share:
     own: np.ndarray
     relaxed: np.ndarray
     number: np.ndarray
-    cells: np.ndarray
+    corners: np.ndarray
     bounds: np.ndarray
 
     def turn_of(self, corner: int) -> tuple[int, int]:
         """The place of a touched corner in the order that the touched corners of the whole problem have."""
         problem = self.part.problem
         lowest = self.number[problem.touched.vertices[corner].min()]
-        return int(lowest), int(self.cells[problem.touched_ids[corner]])
+        return int(lowest), int(self.corners[problem.touched_ids[corner]])
 
 
 def share_of(comm: Any, store: Store, local: Local, domain: Domain, moves: np.ndarray) -> Share:
@@ -85,7 +88,17 @@ def share_of(comm: Any, store: Store, local: Local, domain: Domain, moves: np.nd
         first=owners.min(axis=1) == comm.rank,
         corners=touched_ids,
     )
-    return Share(part, place, own, position >= 0, local.number[place], local.cells, store.bounds)
+    ids = _ids_of_corners(local.cells, corners, store.kinds.are_simplices)
+    return Share(part, place, own, position >= 0, local.number[place], ids, store.bounds)
+
+
+def _ids_of_corners(cells: np.ndarray, corners: Corners, are_simplices: bool) -> np.ndarray:
+    """(c,) ids of the corners of cells (ids in the whole), in the order of the whole."""
+    if are_simplices:
+        return cells
+    counts = np.diff(corners.start)
+    nth = np.arange(corners.start[-1]) - np.repeat(corners.start[:-1], counts)
+    return np.repeat(cells, counts) * _CORNERS + nth
 
 
 def _positions(

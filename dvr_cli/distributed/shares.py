@@ -8,6 +8,7 @@ it owns. Rows of the file come to their owners from whichever rank has read them
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,13 +36,27 @@ class Kinds(NamedTuple):
     """The kinds of cells that a mesh has.
 
     types: the type of each kind, tags: (kinds, t) what cell data say of its cells, and names: (t,) of these.
-    main: the type of the cells whose vertices move, all others being of lower dimension.
     """
 
     types: tuple[str, ...]
     tags: np.ndarray
     names: tuple[str, ...]
-    main: str
+
+    @property
+    def dimension(self) -> int:
+        """Of the cells whose vertices move, all others being of lower dimension."""
+        return max(CELL_TYPES[name].dimension for name in self.types)
+
+    @property
+    def moving(self) -> list[int]:
+        """The kinds of these."""
+        dimension = self.dimension
+        return [kind for kind, name in enumerate(self.types) if CELL_TYPES[name].dimension == dimension]
+
+    @property
+    def are_simplices(self) -> bool:
+        """True if all of these have one corner each."""
+        return all(CELL_TYPES[self.types[kind]].is_simplex for kind in self.moving)
 
     @property
     def sizes(self) -> list[int]:
@@ -49,21 +64,28 @@ class Kinds(NamedTuple):
         return [CELL_TYPES[name].nodes for name in self.types]
 
     def mesh(self, points: np.ndarray, cells: CellRows, lower: CellRows) -> Mesh:
-        """The mesh of some cells, whose vertices are rows of ``points``, and of lower cells."""
-        blocks, kinds = [Cells(self.main, cells.cells)], [cells.kinds]
-        for name in dict.fromkeys(self.types):
-            which = np.flatnonzero([kind == name for kind in self.types])
-            some = np.isin(lower.kinds, which)
-            if name != self.main and some.any():
-                blocks.append(Cells(name, lower.cells[some, : CELL_TYPES[name].nodes]))
-                kinds.append(lower.kinds[some])
+        """The mesh of some cells, whose vertices are rows of ``points``, and of lower cells.
+
+        Cells come in the order of their ids, in blocks of one type; then lower ones.
+        """
+        names = list(dict.fromkeys(self.types))
+        of_kind = np.array([names.index(name) for name in self.types])
+        blocks, kinds = [], []
+        for rows in cells, lower:
+            of_type = of_kind[rows.kinds]
+            cuts = [0, *(np.flatnonzero(np.diff(of_type)) + 1).tolist(), len(of_type)]
+            for lo, hi in pairwise(cuts):
+                if lo < hi:
+                    name = names[of_type[lo]]
+                    blocks.append(Cells(name, rows.cells[lo:hi, : CELL_TYPES[name].nodes]))
+                    kinds.append(rows.kinds[lo:hi])
         data = {name: [self.tags[kind, t] for kind in kinds] for t, name in enumerate(self.names)}
         return Mesh(points, blocks, cell_data=data)
 
     def summary(self) -> Mesh:
         """A mesh with one cell of each kind of those that move, so that it has the regions of the whole."""
-        which = np.flatnonzero([kind == self.main for kind in self.types])
-        cells = np.zeros((len(which), CELL_TYPES[self.main].nodes), dtype=np.int64)
+        which = np.array(self.moving)
+        cells = np.zeros((len(which), max(CELL_TYPES[name].nodes for name in self.types)), dtype=np.int64)
         rows, none = CellRows(which, cells, which), CellRows(which[:0], cells[:0, :1], which[:0])
         return self.mesh(np.zeros((1, 3)), rows, none)
 
@@ -72,7 +94,7 @@ class Kinds(NamedTuple):
 class Local:
     """Some cells of a mesh and their vertices, as a mesh of its own in the order of the whole.
 
-    index, number: (n,) of each vertex in the whole. cells: (c,) the ids of the cells of the first block.
+    index, number: (n,) of each vertex in the whole. cells: (c,) the ids of its cells, but for lower ones.
     """
 
     mesh: Mesh
@@ -82,14 +104,15 @@ class Local:
 
 
 class Store:
-    """The vertices and cells that a rank owns of a mesh of cells of one type, and of lower ones.
+    """The vertices and cells that a rank owns of a mesh.
 
     All ranks have to call its functions together.
 
     size: how many vertices the whole has. kinds: of its cells. bounds: (ranks + 1,) the ranges of numbers
-    that ranks own. low, high: (3,) of the box of all vertices. index, points: (n,) and (n, 3) of the vertices
-    of the rank, in the order of their numbers. cells, lower: all cells with one of these, by number, in the
-    order of their ids; those of lower cells count these alone.
+    that ranks own. low, high: (D,) of the box of all vertices. axes: the coordinates, but for the third one
+    of a planar mesh, which all vertices have alike. index, points: (n,) and (n, D) of the vertices of the
+    rank, in the order of their numbers. cells, lower: all cells with one of these, by number, in the order of
+    their ids.
     """
 
     def __init__(
@@ -102,14 +125,18 @@ class Store:
         """
         self.comm, self.size, self.kinds = comm, size, kinds
         self.bounds = bounds(size, comm.size)
-        nothing = np.full(3, np.inf)
+        nothing = np.full(points.shape[1], np.inf)
         self.low = np.min(comm.allgather(points.min(axis=0, initial=np.inf) if len(points) else nothing), 0)
         self.high = -np.min(
             comm.allgather((-points).min(axis=0, initial=np.inf) if len(points) else nothing), 0
         )
         read_from = self.bounds[comm.rank]
         index = read_from + np.arange(len(points))
-        numbers = places(comm, morton_codes(points, self.low, self.high), index)  # of equals by index
+        self.axes = list(range(points.shape[1]))
+        if kinds.dimension == 2 and len(self.axes) == 3 and self.low[2] == self.high[2]:
+            self.axes = [0, 1]
+        codes = morton_codes(points[:, self.axes], self.low[self.axes], self.high[self.axes])
+        numbers = places(comm, codes, index)  # of equals by index
         own, index, points = sent(comm, owner_of(numbers, self.bounds), numbers, index, points)
         order = np.argsort(own)
         self.first = int(self.bounds[comm.rank])
@@ -237,6 +264,22 @@ class Store:
         found = CellRows(*sent(comm, np.concatenate(to), *columns))
         order = np.argsort(found.ids)
         return CellRows(*(column[order] for column in found))
+
+
+def joined(parts: list[CellRows], index: np.dtype) -> CellRows:
+    """Some cells and some more, of whatever types; index: how vertices are kept."""
+    if len(parts) == 1:
+        return parts[0]
+    width = max((part.cells.shape[1] for part in parts), default=1)
+    none = CellRows(np.empty(0, np.int64), np.empty((0, width), index), np.empty(0, np.uint8))
+    wide = [part._replace(cells=widened(part.cells, width)) for part in parts]
+    return CellRows(*(np.concatenate(column) for column in zip(none, *wide, strict=True)))
+
+
+def widened(cells: np.ndarray, width: int) -> np.ndarray:
+    """Cells (c, k) with their first vertex again until they have so many."""
+    missing = width - cells.shape[1]
+    return np.hstack([cells, np.repeat(cells[:, :1], missing, axis=1)]) if missing else cells
 
 
 def _each_once(parts: list[CellRows]) -> CellRows:

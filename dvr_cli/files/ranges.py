@@ -1,22 +1,22 @@
 """Byte ranges: where in a file the rows of coordinates and cells lie, for processes that each read some.
 
-Only for files with tetrahedra and nothing of their dimension beside them, coordinates in 64 bits, and
-vertices that are numbered as they come. What else has to be so is said with the rows, and looked at by
-whoever reads them.
+Only for files with linear cells, coordinates in 64 bits, and vertices that are numbered as they come.
+What else has to be so is said with the rows, and looked at by whoever reads them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.ranks import ranks
 
-MAIN = "tetra"  # the type of the cells whose vertices move
+LINEAR = ("vertex", "line", "triangle", "quad", "tetra", "hexahedron", "wedge", "pyramid")
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,10 @@ class Rows:
     def offset(self, row: int) -> int:
         """The offset of the first byte of a row."""
         return self.begin + row * self.step
+
+    def part(self, first: int, count: int) -> Rows:
+        """Some of the rows, from ``first`` on."""
+        return replace(self, begin=self.offset(first), count=count)
 
     def read(self, path: Path, first: int, last: int) -> np.ndarray:
         """(last - first, columns) the rows first .. last in native byte order; raises OSError.
@@ -159,9 +163,10 @@ class Table:
 class Ranges:
     """The places of coordinates and cells in a file.
 
-    points: (N, 3) coordinates. cells: the cells of each type in the last columns, in the order in which types
-    come in the file. base: the number of the first vertex. names: of the cell data that tags are. once:
-    whether a cell that is there twice counts once, in all its groups.
+    points: (N, 3) coordinates. cells: the type and the vertices of cells that come one after the other, in
+    the order of the file; a type may come again. base: the number of the first vertex. names: of the cell
+    data that tags are. once: whether a cell that is there twice counts once, in all its groups. order: of the
+    types whose nodes have another order in the file the place there of each.
     """
 
     points: Table
@@ -169,14 +174,23 @@ class Ranges:
     base: int = 0
     names: tuple[str, ...] = ()
     once: bool = False
+    order: Mapping[str, list[int]] = field(default_factory=dict)
 
     @property
-    def main(self) -> Table:
-        """The cells whose vertices move."""
-        return dict(self.cells)[MAIN]
+    def dimension(self) -> int:
+        """Of the cells whose vertices move."""
+        return max(CELL_TYPES[name].dimension for name, _ in self.cells)
 
     @property
-    def first_id(self) -> int:
-        """The id of the first of these: how many cells come before."""
-        before = [name for name, _ in self.cells].index(MAIN)
-        return sum(table.count for _, table in self.cells[:before])
+    def counts(self) -> dict[str, int]:
+        """How many cells of each type there are, types in the order of the file."""
+        counts: dict[str, int] = {}
+        for name, table in self.cells:
+            counts[name] = counts.get(name, 0) + table.count
+        return counts
+
+    @property
+    def count(self) -> int:
+        """How many cells there are whose vertices move."""
+        dimension = self.dimension
+        return sum(n for name, n in self.counts.items() if CELL_TYPES[name].dimension == dimension)

@@ -44,21 +44,37 @@ def in_sheets(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray) -> 
     and then the upper triangle; only those of flat cells are looked at.
     """
     which, blocks = _only(blocks, flat)
+    return _marked(len(flat), which, _sheets(blocks, *_alike(blocks, stretching[which])))
+
+
+def sheets_at_most(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray, among: np.ndarray) -> float:
+    """How many sheets the cells of ``blocks`` marked in ``among`` ((n,) bool) would make at most.
+
+    flat, stretching: as for ``in_sheets``.
+    """
+    which, blocks = _only(blocks, flat)
+    if not len(which):
+        return 0.0
+    inside = _half_of_facets(blocks, *_alike(blocks, stretching[which])) & among[which]
+    return float(_weight(blocks)[inside].sum())
+
+
+def _alike(blocks: list[Cells], rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The pairs of cells that share a facet and are stretched alike; rows: (n, k) L of each cell."""
     one, other = _neighbours(blocks)
-    rows = stretching[which]
     space = 2 if rows.shape[1] == 3 else 3
     rows = rows * np.where(np.arange(rows.shape[1]) < space, 1.0, np.sqrt(2.0))  # of all entries of L
     size = np.linalg.norm(rows, axis=1)
     allowed = _of_each(blocks, [ALIKE_TRIANGLES if b.type == "triangle" else ALIKE for b in blocks])
     apart = np.linalg.norm(rows[one] - rows[other], axis=1)
     alike = apart <= np.minimum(allowed[one], allowed[other]) * np.maximum(size[one], size[other])
-    return _marked(len(flat), which, _sheets(blocks, one[alike], other[alike]))
+    return one[alike], other[alike]
 
 
 def _sheets(blocks: list[Cells], one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """(n,) bool: the cells of ``blocks`` in sheets and those joined to these, by pairs stretched alike."""
     inside = _half_of_facets(blocks, one, other)
-    weight = _of_each(blocks, [1.0 / LEAST[block.type] for block in blocks])
+    weight = _weight(blocks)
     if weight[inside].sum() < 1.0:
         return np.zeros_like(inside)
     both = inside[one] & inside[other]
@@ -68,6 +84,11 @@ def _sheets(blocks: list[Cells], one: np.ndarray, other: np.ndarray) -> np.ndarr
     result = inside.copy()
     result[other[inside[one]]] = result[one[inside[other]]] = True
     return result
+
+
+def _weight(blocks: list[Cells]) -> np.ndarray:
+    """(n,) the part of a sheet that each cell is: whole sheets add up to one at least, exactly."""
+    return _of_each(blocks, [1.0 / LEAST[block.type] for block in blocks])
 
 
 def orderly(blocks: list[Cells], flat: np.ndarray, log_size: np.ndarray) -> np.ndarray:

@@ -38,9 +38,7 @@ def coherent(domain: Domain, quality: np.ndarray | None = None) -> Targets | Non
     corners, points = domain.corners, domain.points
     if quality is None:
         quality = corner_qualities(points, corners, domain.backend)
-    worst = corners.by_cell(np.minimum, quality)
-    positive = worst > FORMED[domain.dimension]
-    possible = positive & (worst <= _best_quality(SEED, domain.dimension))
+    positive, possible = _shaped(domain, quality)
     if not possible.any():
         return None
     cells = _Cells(domain)
@@ -60,15 +58,38 @@ def coherent(domain: Domain, quality: np.ndarray | None = None) -> Targets | Non
 
 
 def any_seeds(domain: Domain, among: np.ndarray) -> bool:
-    """True if any of the tetrahedra marked in ``among`` ((n,) bool) is a seed of what is kept.
+    """True if any of the cells marked in ``among`` ((n,) bool) is a seed of what is kept.
 
     domain: these, and all that can be reached from them in REACH steps between cells with a common vertex.
-    Tetrahedra make no sheets, so without a seed in the whole mesh none is kept.
+    Without a seed and a sheet (see ``in_sheet``) in the whole mesh none is kept.
     """
     quality = corner_qualities(domain.points, domain.corners, domain.backend)
-    positive = quality > FORMED[domain.dimension]
-    possible = positive & (quality <= _best_quality(SEED, domain.dimension))
+    positive, possible = _shaped(domain, quality)
     return len(_seeds(domain, _Cells(domain), quality, positive, possible, among)) > 0
+
+
+def in_sheet(domain: Domain, among: np.ndarray) -> float:
+    """How many sheets the cells marked in ``among`` ((n,) bool) would make at most, beside no others.
+
+    domain: these, and all that have a common facet with them. Parts of a mesh whose numbers add up to less
+    than one have no sheet. Tetrahedra make none.
+    """
+    from dvr_cli.quality.sheets import able, sheets_at_most
+
+    possible = _shaped(domain, corner_qualities(domain.points, domain.corners, domain.backend))[1]
+    possible &= able(domain.cells)
+    if not possible.any():
+        return 0.0
+    stretching = _Cells(domain).from_corners(_stretching(domain.points, domain.corners, possible))
+    flat = possible & (_log_aspect(stretching) >= np.log(SEED))
+    return sheets_at_most(domain.cells, flat, stretching, among)
+
+
+def _shaped(domain: Domain, quality: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) bool, the cells that have a shape, and those that may be flat; quality: (C,) of the corners."""
+    worst = domain.corners.by_cell(np.minimum, quality)
+    positive = worst > FORMED[domain.dimension]
+    return positive, positive & (worst <= _best_quality(SEED, domain.dimension))
 
 
 def _seeds(

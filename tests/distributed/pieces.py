@@ -13,6 +13,7 @@ import dvr_cli
 from dvr_cli.api import distributed
 from dvr_cli.distributed import parts
 from dvr_cli.errors import InputError, UsageError
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from meshes import boxes_of, random_mesh, random_tensors, tangled
 
 COMM = MPI.COMM_WORLD
@@ -93,6 +94,7 @@ def few():
     agree(random_mesh("triangle", 4, noise=0.45), 5, patches=True, max_iterations=2)
     assert agree(layered(), 7, max_iterations=1).shape.kept > 0
     agree_in_shares(random_mesh("tetra", 1, n=4, noise=0.25), 3, patches=True, max_iterations=2)
+    agree_in_shares(random_mesh("mixed2d", 1, n=4, noise=0.2), 3, max_iterations=2)
     errors()
 
 
@@ -105,6 +107,9 @@ def main():
     mesh = random_mesh("tetra", 1, n=5, noise=0.25)
     agree_in_shares(mesh, 2, **SWEEPS)
     agree_in_shares(mesh, 3, patches=True, max_iterations=4)
+    for kind in ("triangle", "quad", "hexahedron", "wedge", "pyramid", "mixed2d", "mixed3d"):
+        agree_in_shares(random_mesh(kind, 1, n=4, noise=0.2), 2, **SWEEPS)
+    agree_in_shares(random_mesh("mixed3d", 1, n=4, noise=0.2), 3, patches=True, max_iterations=3)
     agree(tangled("triangle", 4, 0.9, 1), 6, untangle=True, max_iterations=2)
     assert agree(layered(), 7, max_iterations=2).shape.kept > 0
     mesh = random_mesh("triangle", 8)
@@ -158,13 +163,15 @@ def by_metis(problem, ranks):
 
 def without_ids_of_cells():
     """Cells come by type then, and in the order of their vertices."""
-    for seed, name, noise in (1, "triangle", 0.4), (2, "triangle", 0.4), (3, "tetra", 0.25):
+    for seed, name, noise in (1, "triangle", 0.4), (2, "mixed3d", 0.2), (3, "tetra", 0.25):
         mesh = random_mesh(name, 1, noise=noise)
         points, cells, vertices, _ = pieces_of(mesh, seed)
         moved, _ = dvr_cli.smooth_distributed(COMM, points, cells, vertices, **SWEEPS, **ENGINE)
-        rows = mesh.cells[0].vertices
-        order = np.lexsort(np.sort(rows, axis=1).T[::-1])
-        expected, _ = dvr_cli.smooth(mesh.points, {name: rows[order]}, **SWEEPS, **ENGINE)
+        blocks = {block.type: block.vertices for block in mesh.cells}
+        ordered = {}
+        for kind in sorted(blocks, key=list(CELL_TYPES).index):
+            ordered[kind] = blocks[kind][np.lexsort(np.sort(blocks[kind], axis=1).T[::-1])]
+        expected, _ = dvr_cli.smooth(mesh.points, ordered, **SWEEPS, **ENGINE)
         assert moved.tobytes() == expected[vertices].tobytes()
 
 

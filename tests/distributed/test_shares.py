@@ -14,8 +14,9 @@ from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.shares import takes
 from dvr_cli.cli.main import main
 from dvr_cli.files.formats import formats_by_suffix
-from meshes import random_mesh
-from ranged_files import FILES, gmsh_22, write_ranged
+from dvr_cli.mesh.cell_types import CELL_TYPES
+from meshes import KINDS, random_mesh
+from ranged_files import FILES, MIXED, PLANAR, gmsh_22, write_ranged
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 # name of a mesh, and options
@@ -40,6 +41,15 @@ RUNS = (
     ("22.msh", "-d random -n 2 --patches"),
     ("positive", "-n 3 --time-limit 3600"),  # the clocks of other ranks are ahead
     ("positive", "--time-limit 1e-9"),
+    *((kind, "-d random,steepest,optimal -n 3 --tol 0") for kind in KINDS if kind not in ("tetra", "quad")),
+    ("quad", "-n 4"),
+    ("mixed3d", "-n 3"),
+    ("triangle", "-n 4 --patches"),
+    ("hexahedron", "-n 3 --patches"),
+    ("5.1-planar.vtk", "-d axis -n 3"),
+    ("hexahedron inside-out", "-n 3 --no-patches"),
+    ("quad inside-out", "-d random -n 3"),
+    *((name, "-n 3") for name in (*MIXED, *PLANAR)),
 )
 # ranks, and one run in so many, where tests may take long
 OTHERS = ((1, 3), (2, 3), (3, 3), (4, 1), (8, 3))
@@ -53,8 +63,17 @@ def write(folder, name):
     """The file of a mesh, binary VTK with coordinates in 64 bits."""
     if name == "hull":
         return SAMPLES / "random_cube.vtk"
-    if name in FILES:
+    if name in (*FILES, *MIXED, *PLANAR):
         return write_ranged(folder, name)
+    kind, *turned = name.split()
+    if kind in KINDS:
+        mesh = random_mesh(kind, 1, n=4, noise=0.25)
+        points = np.pad(mesh.points, ((0, 0), (0, 3 - mesh.points.shape[1])))
+        mirrors = [CELL_TYPES[block.type].mirror if turned else slice(None) for block in mesh.cells]
+        cells = [(b.type, b.vertices[:, way]) for b, way in zip(mesh.cells, mirrors, strict=True)]
+        path = folder / f"{kind}{'-' * len(turned)}.vtk"
+        meshio.Mesh(points, cells).write(path, file_format="vtk", binary=True)
+        return path
     mesh = random_mesh("tetra", 1, n=5, noise=0.25)
     points, cells = mesh.points, mesh.cells[0].vertices
     if name == "inside-out":
@@ -145,7 +164,7 @@ def test_a_mesh_is_replaced_by_its_result_even_if_that_is_not_good_enough(tmp_pa
 def test_a_damaged_file_is_one_line(tmp_path, on_ranks):
     """Cells that name no vertex, an offset that is wrong, a file that ends too soon."""
     path = write(tmp_path, "positive")
-    whole, (part,) = path.read_bytes(), ranges_of(path).main.parts
+    whole, (part,) = path.read_bytes(), dict(ranges_of(path).cells)["tetra"].parts
     cells = part.rows
     number = bytearray(whole)
     number[cells.offset(20) : cells.offset(20) + 8] = (10**6).to_bytes(8, "big")
@@ -171,7 +190,7 @@ def damaged_files(folder):
     for name in "41.msh", "22.msh", "raw.vtu":
         path = write_ranged(folder, name)
         whole, ranges = path.read_bytes(), ranges_of(path)
-        cells = ranges.main.parts[0].rows
+        cells = dict(ranges.cells)["tetra"].parts[0].rows
         size = np.dtype(cells.dtype).itemsize
         at = cells.offset(9) + (cells.columns - 1) * size
         found[f"number-{name}"] = whole[:at] + (10**6).to_bytes(size, "little") + whole[at + size :]

@@ -15,9 +15,10 @@ from dvr_cli.errors import InputError
 from dvr_cli.files.formats import formats_by_suffix
 from dvr_cli.files.ranges import Rows
 from dvr_cli.files.reading import open_mesh
+from dvr_cli.mesh.cell_types import CELL_TYPES
 from fuzz import COUNTS, mutated
-from meshes import delaunay, random_mesh
-from ranged_files import FILES, gmsh_41, raw_vtu, write_ranged
+from meshes import delaunay
+from ranged_files import FILES, MIXED, PLANAR, gmsh_41, raw_vtu, write_ranged
 
 GMSH = [name for name in FILES if name.endswith("msh")]
 
@@ -47,10 +48,12 @@ def agree(path: Path, ranges, ranks: int = 3) -> None:
         tags = [tag for part in parts for tag in tags_of(part, t)]
         data = [mesh.cell_data[name][t] for name in ranges.names]
         assert tags == [tuple(int(column[i]) for column in data) for i in range(len(block.vertices))]
-    assert ranges.first_id == sum(len(b.vertices) for b in blocks[: [b.type for b in blocks].index("tetra")])
+    dimension = ranges.dimension
+    moving = [block for block in blocks if CELL_TYPES[block.type].dimension == dimension]
+    assert ranges.count == sum(len(block.vertices) for block in moving)
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", [*FILES, *MIXED, *PLANAR])
 def test_processes_together_read_the_mesh(tmp_path, name):
     path = write_ranged(tmp_path, name)
     ranges = ranges_of(path)
@@ -81,7 +84,7 @@ def test_rows_that_move_are_patched_and_no_other_byte(tmp_path, name):
 
 
 @pytest.mark.parametrize("count", COUNTS)
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", [*FILES, *MIXED, *PLANAR])
 def test_of_damaged_files_processes_read_nothing_that_one_would_not(tmp_path, name, count):
     path = write_ranged(tmp_path, name)
     good = path.read_bytes()
@@ -105,17 +108,17 @@ def test_of_damaged_files_processes_read_nothing_that_one_would_not(tmp_path, na
 
 
 def test_files_with_more_than_that_are_read_by_one_process(tmp_path):
-    """Text, 32 bits, data of cells, other cells, nodes in another order, several groups, links, fields."""
+    """Text, 32 bits, data of cells, curved cells, nodes in another order, several groups, links, fields."""
     mesh, path = delaunay(30, 3, 2), tmp_path / "mesh.vtk"
     cells = [("tetra", mesh.cells[0].vertices)]
     data = {"material": [np.arange(len(cells[0][1]))]}
-    hexahedra = random_mesh("hexahedron", 1)
+    curved = np.arange(10)[None]
     others = (
         (meshio.Mesh(mesh.points, cells), {"binary": False}),
         (meshio.Mesh(mesh.points.astype(np.float32), cells), {}),
         (meshio.Mesh(mesh.points, cells, cell_data=data), {}),
-        (meshio.Mesh(mesh.points, [*cells, ("triangle", cells[0][1][:2, :3])]), {}),
-        (meshio.Mesh(hexahedra.points, [("hexahedron", hexahedra.cells[0].vertices)]), {}),
+        (meshio.Mesh(mesh.points, [("tetra10", curved)]), {}),
+        (meshio.Mesh(mesh.points, [*cells, ("tetra10", curved)]), {}),
     )
     for other, how in others:
         other.write(path, **how)

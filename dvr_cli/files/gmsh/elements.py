@@ -14,7 +14,7 @@ import numpy as np
 from dvr_cli.errors import InputError
 
 MAX_GROUPS = 64  # that one element may be in; bounds the memory a damaged file can ask for
-_MAX_BLOCKS = 1000
+MAX_BLOCKS = 1000
 
 
 class Elements(NamedTuple):
@@ -40,7 +40,7 @@ def join_consecutive(blocks: list[Elements]) -> list[Elements]:
     Should a file change type so often that too many blocks were left, all blocks of a type are joined.
     """
     changes = sum(a.code != b.code for a, b in pairwise(blocks))
-    if changes > _MAX_BLOCKS:
+    if changes > MAX_BLOCKS:
         blocks = sorted(blocks, key=lambda block: block.code)
     joined = [_join(list(group)) for _, group in groupby(blocks, key=lambda block: block.code)]
     return [block for block in joined if len(block.numbers)]

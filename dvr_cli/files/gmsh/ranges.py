@@ -1,7 +1,7 @@
-"""The byte ranges of binary Gmsh files, MSH 2 and 4.1, of tetrahedra, and triangles, lines and points beside.
+"""The byte ranges of binary Gmsh files, MSH 2 and 4.1, of linear elements.
 
-Only the headers of blocks are read, and of MSH 2 the elements before the first tetrahedron, as there each may
-have a header.
+Only the headers of blocks are read, and of MSH 2 the elements before those of the last type, as there each
+may have a header.
 """
 
 from __future__ import annotations
@@ -9,9 +9,8 @@ from __future__ import annotations
 import mmap
 import re
 import struct
-from collections.abc import Iterable
 from dataclasses import replace
-from itertools import groupby
+from itertools import groupby, pairwise
 from pathlib import Path
 from typing import NamedTuple, cast
 
@@ -20,6 +19,7 @@ import numpy as np
 from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh.cells import cell_type
 from dvr_cli.files.gmsh.data import read_physical_names
+from dvr_cli.files.gmsh.elements import MAX_BLOCKS
 from dvr_cli.files.gmsh.msh2 import agreeing
 from dvr_cli.files.gmsh.msh4 import Entities, read_entities
 from dvr_cli.files.gmsh.numbers import BinaryNumbers, read_numbers
@@ -32,12 +32,12 @@ from dvr_cli.files.gmsh.sections import (
     read_count,
     read_header,
 )
-from dvr_cli.files.ranges import MAIN, Counted, Part, Ranges, Rows, Table
+from dvr_cli.files.ranges import LINEAR, Counted, Part, Ranges, Rows, Table
 
-_TYPES = (MAIN, "triangle", "line", "vertex")
 _TAGS = ("gmsh:physical", "gmsh:geometrical")
 _KNOWN = ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements")
 _MOST = 10_000  # parts of a table
+_END_OF_ELEMENTS = re.compile(rb"\s*\$EndElements")
 _VERSIONS_2 = ("2", "2.0", "2.1", "2.2")
 
 
@@ -91,7 +91,7 @@ def _found(data: bytes) -> Ranges:
             read_entities(read_numbers(data, once["Entities"], header), False, entities, older=False)
         blocks = [_with_tags(block, entities) for block in blocks]
     tables = _tables(blocks)
-    _need(points.count > 0 and MAIN in dict(tables))
+    _need(points.count > 0 and len(tables) > 0)
     return Ranges(points, tables, base=1, names=_TAGS, once=header.version != "4.1")
 
 
@@ -108,12 +108,13 @@ def _end(data: bytes, at: int, name: str) -> int:
     return match.end()
 
 
-def _tables(blocks: Iterable[_Block]) -> tuple[tuple[str, Table], ...]:
-    """The tables of the types of cells, in file order; each type has to be in one stretch."""
+def _tables(blocks: list[_Block]) -> tuple[tuple[str, Table], ...]:
+    """The tables of the types of cells, in file order, where there are no more than keep that order."""
+    _need(sum(a.type != b.type for a, b in pairwise(blocks)) <= MAX_BLOCKS)
     tables: list[tuple[str, Table]] = []
     for name, of_type in groupby((block for block in blocks if block.part.rows.count), lambda b: b.type):
         parts = tuple(block.part for block in of_type)
-        _need(name not in dict(tables) and len(parts) <= _MOST)
+        _need(len(parts) <= _MOST)
         tables.append((name, Table(parts)))
     return tuple(tables)
 
@@ -148,8 +149,9 @@ def _elements_4(data: bytes, section: Section, order: str) -> tuple[list[_Block]
     for _ in range(blocks):
         dimension, entity, code, count = numbers.record("3iq")
         kind = cell_type(code)
-        _need(kind.name in _TYPES)
-        rows = Rows(section.start + numbers.position, f"{order}i8", 1 + kind.nodes, count)
+        _need(kind.name in LINEAR)
+        begin, stride = section.start + numbers.position + 8, 8 * (1 + kind.nodes)
+        rows = Rows(begin, f"{order}i8", kind.nodes, count, stride)
         numbers.skip("q", count * (1 + kind.nodes))
         found.append(_Block(kind.name, Part(rows), (dimension, entity)))
         elements += count
@@ -187,21 +189,21 @@ def _elements_2(data: bytes, section: Section, order: str) -> tuple[list[_Block]
         head = struct.unpack_from(f"{order}3i", data, at)
         code, count, tags = head
         kind = cell_type(code)
-        _need(kind.name in _TYPES and min(count, tags) >= 0)
+        _need(kind.name in LINEAR and min(count, tags) >= 0)
         width = 1 + tags + kind.nodes
         alike: tuple[Counted, ...] = ()
         if count == 1:  # so each element has a header
             stride = 4 * (3 + width)
             count, begin = total - elements, at + 12
-            if kind.name != MAIN:
+            if _END_OF_ELEMENTS.match(data, at + stride * count) is None:  # they are not all of one type
                 count = _alike(data, at, stride // 4, count, order)
             alike = (Counted(Rows(at, f"{order}i4", 3, count, stride), head),)
         else:
             stride, begin = 4 * width, at + 12
-        rows = Rows(begin, f"{order}i4", width, count, stride)
+        rows = Rows(begin + 4 * (1 + tags), f"{order}i4", kind.nodes, count, stride)
         of_tags = [replace(rows, begin=begin + 4 * (1 + i), columns=1) if tags > i else 0 for i in range(2)]
         found.append(_Block(kind.name, Part(rows, alike, tuple(of_tags))))
-        at = rows.offset(count) if not alike else at + stride * count
+        at = begin + stride * count if not alike else at + stride * count
         elements += count
         _need(at <= len(data))
     return found, at

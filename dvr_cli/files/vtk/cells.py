@@ -50,11 +50,11 @@ _TYPES = {
 }
 # How many nodes those have that are no cell types of dvr.
 _OTHER_NODES = {"penta_prism": 10, "hexa_prism": 12, "quad6": 6, "wedge12": 12, "hexahedron24": 24}
-_MAX_BLOCKS = 1000
-_NODE_ORDER = {8: [0, 1, 3, 2], 11: [0, 1, 3, 2, 4, 5, 7, 6], 13: [0, 2, 1, 3, 5, 4]}
+MAX_BLOCKS = 1000
+NODE_ORDER = {8: [0, 1, 3, 2], 11: [0, 1, 3, 2, 4, 5, 7, 6], 13: [0, 2, 1, 3, 5, 4]}
 # The way back: VTK's number of a type of meshio's, and the place in meshio's order of each node in VTK's.
 VTK_TYPE = {name: number for number, name in _TYPES.items() if number not in (8, 11)}
-VTK_ORDER = {"wedge": np.argsort(_NODE_ORDER[13]).tolist()}
+VTK_ORDER = {"wedge": np.argsort(NODE_ORDER[13]).tolist()}
 _UNSUPPORTED = {
     0: "empty cells",
     6: "triangle strips",
@@ -164,14 +164,14 @@ def blocks_of(
     _check_sizes(types, cells.sizes, number)
     starts, sizes = cells.starts, cells.sizes
     bounds = _runs(types, sizes)
-    if by_size or len(bounds) > _MAX_BLOCKS:
+    if by_size or len(bounds) > MAX_BLOCKS:
         order = np.lexsort((types, sizes))  # stable
         starts, sizes, types, number = starts[order], sizes[order], types[order], number[order]
         bounds = _runs(types, sizes)
     blocks, numbers = [], []
     for first, last in pairwise(bounds):
         kind = int(types[first])
-        order = np.array(_NODE_ORDER.get(kind, range(sizes[first])), dtype=np.int64)
+        order = np.array(NODE_ORDER.get(kind, range(sizes[first])), dtype=np.int64)
         vertices = cells.nodes[starts[first:last, None] + order]
         outside = (vertices < 0) | (vertices >= n_points)
         if outside.any():

@@ -1,18 +1,19 @@
-"""The byte ranges of legacy VTK files: binary ones of tetrahedra, in the layout of 4.2 or that of 5.1."""
+"""The byte ranges of legacy VTK files: binary ones, in the layout of 4.2 or that of 5.1."""
 
 from __future__ import annotations
 
 import mmap
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import cast
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.ranges import MAIN, Counted, Part, Ranges, Rows, Table
+from dvr_cli.files.ranges import Counted, Ranges, Rows
+from dvr_cli.files.vtk.cell_runs import Run, ranges_of_cells
 from dvr_cli.files.vtk.scan import Scanner
 
-_TETRA, _NODES = 10, 4
 _INTEGERS = {"vtktypeint64": ">i8", "vtktypeint32": ">i4", "int": ">i4"}
 _OF_CELLS = re.compile(rb"cell_data", re.IGNORECASE)  # they may tell regions apart
 
@@ -24,12 +25,12 @@ def ranges_of(path: Path) -> Ranges | None:
     """
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         try:
-            return _found(Scanner(cast(bytes, data)))
+            return _found(path, Scanner(cast(bytes, data)))
         except InputError:  # whoever reads the file whole will say why
             return None
 
 
-def _found(scanner: Scanner) -> Ranges | None:
+def _found(path: Path, scanner: Scanner) -> Ranges | None:
     if not scanner.line().startswith(b"# vtk DataFile Version"):
         return None
     scanner.line()  # the title
@@ -50,17 +51,14 @@ def _found(scanner: Scanner) -> Ranges | None:
     if scanner.peek() == "offsets":
         count -= 1
         offsets = _integers(scanner, count + 1)
-        cells = _integers(scanner, size, _NODES) if scanner.peek() == "connectivity" else None
-        if offsets is None or cells is None or size != _NODES * count:
+        nodes = _integers(scanner, size) if scanner.peek() == "connectivity" else None
+        if offsets is None or nodes is None:
             return None
-        pairs = Rows(offsets.begin, offsets.dtype, 2, count, stride=offsets.step)  # where cells begin and end
-        sizes = Counted(pairs, (0, _NODES), _NODES)
+        part_of = partial(_with_offsets, offsets, nodes)
     else:
-        if size != (_NODES + 1) * count or not count:
-            return None
-        cells = Rows(scanner.extent("int", size, "")[0], ">i4", _NODES + 1, count)
-        sizes = Counted(replace(cells, columns=1, stride=cells.step), (_NODES,))
-    if scanner.peek() != "cell_types":
+        size -= count
+        part_of = partial(_with_counts, Rows(scanner.extent("int", size + count, "")[0], ">i4", 1, size))
+    if not count or scanner.peek() != "cell_types":
         return None
     scanner.word("CELL_TYPES")
     if scanner.count("") != count:
@@ -68,16 +66,29 @@ def _found(scanner: Scanner) -> Ranges | None:
     types = Rows(scanner.extent("int", count, "")[0], ">i4", 1, count)
     if _OF_CELLS.search(scanner.data, scanner.position):
         return None
-    part = Part(cells, (Counted(types, (_TETRA,)), sizes))
-    return Ranges(Table((Part(points),)), ((MAIN, Table((part,))),))
+    return ranges_of_cells(path, points, types, size, part_of)
 
 
-def _integers(scanner: Scanner, count: int, columns: int = 1) -> Rows | None:
+def _with_offsets(offsets: Rows, nodes: Rows, run: Run) -> tuple[Rows, Counted]:
+    """The nodes of a run, and where cells begin and end; offsets: of all cells, and nodes: all of theirs."""
+    pairs = replace(offsets.part(run.first, run.count), columns=2, stride=offsets.step)
+    sizes = Counted(pairs, (run.start, run.start + run.nodes), run.nodes)
+    return replace(nodes, begin=nodes.offset(run.start), columns=run.nodes, count=run.count), sizes
+
+
+def _with_counts(numbers: Rows, run: Run) -> tuple[Rows, Counted]:
+    """The nodes of a run, and how many each cell has, which is in front of them; numbers: all of these."""
+    begin, stride = numbers.offset(run.first + run.start), (1 + run.nodes) * numbers.step
+    counts = replace(numbers, begin=begin, count=run.count, stride=stride)
+    return replace(counts, begin=begin + numbers.step, columns=run.nodes), Counted(counts, (run.nodes,))
+
+
+def _integers(scanner: Scanner, count: int) -> Rows | None:
     """An array of whole numbers with its name; None for a type that is never written here."""
     scanner.word("")
     name = scanner.type_name("")
     if name not in _INTEGERS:
         return None
-    rows = Rows(scanner.extent(name, count, "")[0], _INTEGERS[name], columns, count // columns)
+    rows = Rows(scanner.extent(name, count, "")[0], _INTEGERS[name], 1, count)
     scanner.skip_metadata(1)
     return rows

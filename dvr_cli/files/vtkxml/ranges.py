@@ -1,23 +1,24 @@
-"""The byte ranges of VTU files with raw appended arrays that are not compressed: tetrahedra in one piece."""
+"""The byte ranges of VTU files with raw appended arrays that are not compressed, in one piece."""
 
 from __future__ import annotations
 
 import mmap
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple, cast
 
 import numpy as np
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.ranges import MAIN, Counted, Part, Ranges, Rows, Table
+from dvr_cli.files.ranges import Counted, Ranges, Rows
+from dvr_cli.files.vtk.cell_runs import Run, ranges_of_cells
 from dvr_cli.files.vtkxml.arrays import is_numeric
 from dvr_cli.files.vtkxml.layout import Layout, count_of, layout_of
 from dvr_cli.files.vtkxml.source import appended_arrays, piece_arrays, points_element
 from dvr_cli.files.xml_places import Element
 
-_TETRA, _NODES = 10, 4
 _APPENDED = re.compile(rb"<AppendedData[^>]*>\s*_")
 _END = b"</AppendedData>"
 _TAIL = 1 << 10  # bytes of the end of a file among which the appended data end
@@ -38,12 +39,12 @@ def ranges_of(path: Path) -> Ranges | None:
         layout = layout_of(data[: begin.end()] + _END, "UnstructuredGrid", "vtu")
         if layout.appended is None or layout.appended[0] != begin.end() or layout.appended[2]:
             return None
-        return _found(_Raw(cast(bytes, data), replace(layout, appended=(begin.end(), end, False))))
+        return _found(path, _Raw(cast(bytes, data), replace(layout, appended=(begin.end(), end, False))))
     except InputError:  # whoever reads the file whole will say why
         return None
 
 
-def _found(raw: _Raw) -> Ranges | None:
+def _found(path: Path, raw: _Raw) -> Ranges | None:
     layout = raw.layout
     if layout.coding.compressor is not None or len(layout.pieces) != 1:
         return None
@@ -55,17 +56,22 @@ def _found(raw: _Raw) -> Ranges | None:
     if place.attributes.get("NumberOfComponents") != "3":
         return None
     points = raw.rows(place, 3, n, "f")
-    wanted = ("connectivity", _NODES), ("offsets", 1), ("types", 1)
-    cells, ends, types = (raw.rows(_named(piece, name), columns, count, "iu") for name, columns in wanted)
+    wanted = ("connectivity", None), ("offsets", count), ("types", count)
+    nodes, ends, types = (raw.rows(_named(piece, name), 1, rows, "iu") for name, rows in wanted)
     fields = [raw.rows(array, _components(array), n, "iuf") for array in piece_arrays(piece, "PointData")]
-    if points is None or cells is None or ends is None or types is None or None in fields:
+    if points is None or nodes is None or ends is None or types is None or None in fields:
         return None
     begin, end = raw.begin(place), points.offset(n)
     shared = [e for e, at in appended_arrays(layout) if e is not place and begin <= at < end]
     if np.dtype(points.dtype).itemsize != 8 or shared:
         return None
-    part = Part(cells, (Counted(types, (_TETRA,)), Counted(ends, (_NODES,), _NODES)))
-    return Ranges(Table((Part(points),)), ((MAIN, Table((part,))),))
+    return ranges_of_cells(path, points, types, nodes.count, partial(_part_of, nodes, ends))
+
+
+def _part_of(nodes: Rows, ends: Rows, run: Run) -> tuple[Rows, Counted]:
+    """The nodes of a run of cells, and where each cell ends; nodes, ends: of all cells."""
+    sizes = Counted(ends.part(run.first, run.count), (run.start + run.nodes,), run.nodes)
+    return replace(nodes, begin=nodes.offset(run.start), columns=run.nodes, count=run.count), sizes
 
 
 class _Raw(NamedTuple):
@@ -78,17 +84,22 @@ class _Raw(NamedTuple):
         """The place of the header of an array."""
         return self.layout.array(element, "").begin
 
-    def rows(self, element: Element | None, columns: int, count: int, kinds: str) -> Rows | None:
-        """The rows of an array, None if it is not there, of another kind of number or another size."""
+    def rows(self, element: Element | None, columns: int, count: int | None, kinds: str) -> Rows | None:
+        """The rows of an array, None if it is not there, of another kind of number or another size.
+
+        count: how many they are, None for as many as there are.
+        """
         layout = self.layout
         if element is None or element.attributes.get("format") != "appended" or not is_numeric(element):
             return None
         array, header = layout.array(element, ""), layout.coding.header
-        first, size = array.begin + header.itemsize, columns * count * array.dtype.itemsize
-        if array.dtype.kind not in kinds or first + size > array.limit:
+        first, width = array.begin + header.itemsize, columns * array.dtype.itemsize
+        if array.dtype.kind not in kinds or first > array.limit:
             return None
-        if int(np.frombuffer(self.data, header, 1, array.begin)[0]) != size:
+        size = int(np.frombuffer(self.data, header, 1, array.begin)[0])
+        if size % width or first + size > array.limit or count not in (None, size // width):
             return None
+        count = size // width
         return Rows(first, array.dtype.newbyteorder(layout.coding.order).str, columns, count)
 
 
