@@ -183,7 +183,7 @@ class Ranges:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many cells of each type there are, types in the order of the file."""
+        """The number of cells of each type, types in the order of the file."""
         counts: dict[str, int] = {}
         for name, table in self.cells:
             counts[name] = counts.get(name, 0) + table.count
@@ -191,6 +191,6 @@ class Ranges:
 
     @property
     def count(self) -> int:
-        """How many cells there are whose vertices move."""
+        """The number of cells whose vertices move."""
         dimension = self.dimension
         return sum(n for name, n in self.counts.items() if CELL_TYPES[name].dimension == dimension)

@@ -48,7 +48,7 @@ def in_sheets(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray) -> 
 
 
 def sheets_at_most(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray, among: np.ndarray) -> float:
-    """How many sheets the cells of ``blocks`` marked in ``among`` ((n,) bool) would make at most.
+    """The number of sheets that the cells of ``blocks`` marked in ``among`` ((n,) bool) make at most.
 
     flat, stretching: as for ``in_sheets``.
     """

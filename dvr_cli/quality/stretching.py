@@ -69,7 +69,7 @@ def any_seeds(domain: Domain, among: np.ndarray) -> bool:
 
 
 def in_sheet(domain: Domain, among: np.ndarray) -> float:
-    """How many sheets the cells marked in ``among`` ((n,) bool) would make at most, beside no others.
+    """The number of sheets that the cells marked in ``among`` ((n,) bool) make at most, beside no others.
 
     domain: these, and all that have a common facet with them. Parts of a mesh whose numbers add up to less
     than one have no sheet. Tetrahedra make none.

@@ -27,7 +27,7 @@ class Run:
 
     @property
     def nodes(self) -> int:
-        """How many each cell has."""
+        """The number of nodes of each cell."""
         return CELL_TYPES[self.type].nodes
 
 
