@@ -15,10 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dvr_cli.api.altitudes import lowers_altitude
-from dvr_cli.api.boundary import moves_of
+from dvr_cli.api.boundary import Moves
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.phases import Run
 from dvr_cli.api.smoothing import DONE, freer, has_nothing_to_gain, is_worse
+from dvr_cli.boundary.freedom import interior_freedom
 from dvr_cli.distributed.job import LEAD
 from dvr_cli.distributed.member import take_turns
 from dvr_cli.distributed.ranks import on_all
@@ -29,6 +30,7 @@ from dvr_cli.distributed.share_reading import own_range, read_share, store_of
 from dvr_cli.distributed.share_writing import write_copy
 from dvr_cli.distributed.shared_parts import Share, share_of
 from dvr_cli.distributed.shares import CellRows, Local, Store
+from dvr_cli.distributed.sliding import sliding
 from dvr_cli.errors import DvrError, InputError, UsageError
 from dvr_cli.files.ranges import Ranges
 from dvr_cli.mesh.cell_types import CELL_TYPES
@@ -39,7 +41,7 @@ from dvr_cli.quality.limits import HeldBy, Limit, limit_of
 from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities
 from dvr_cli.quality.measure import Quality
 from dvr_cli.quality.stretching import REACH, any_seeds, in_sheet
-from dvr_cli.relax.directions import direction_field
+from dvr_cli.relax.directions import direction_field, restrict_field
 from dvr_cli.relax.engines.choice import KINDS
 from dvr_cli.relax.phases import TANGLED
 from dvr_cli.relax.sweeps import Sweep
@@ -102,7 +104,7 @@ def takes(options: SmoothOptions) -> bool:
         and not selects
         and options.metric is None
         and len(options.region_choice) == 0
-        and options.boundary == "fixed"
+        and options.boundary in ("fixed", "slide")
         and options.order == "coloured"
         and options.shape in ("auto", "ideal")
     )
@@ -173,10 +175,11 @@ def _agree(comm: Any, good: bool) -> bool:
 
 
 class _Mine(NamedTuple):
-    """The work of a rank: its cells and their domain, its share, and its view of the whole."""
+    """The work of a rank: its cells, their domain, how its vertices move, its share, its view of all."""
 
     local: Local
     domain: Domain
+    moves: Moves
     share: Share
     view: View
 
@@ -197,11 +200,17 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
         return None
     if looks and comm.size == 1 and _sees_layers(comm, domain, store.owned(store.cells.cells)):
         return None  # it has all there is
-    share = share_of(comm, store, local, domain, domain.interior)
+    moves = Moves(interior_freedom(domain.interior, domain.dimension), None)
+    if work.options.boundary == "slide":
+        slides = sliding(comm, store, local, domain)
+        if slides is None:
+            return None
+        moves = Moves(slides[0], None, slides[1])
+    share = share_of(comm, store, local, domain, moves.freedom)
     own = np.flatnonzero(share.own & share.relaxed)
     domain = replace(domain, cell_ids=local.cells)
     view = View(domain, store.owned(store.cells.cells), share.relaxed, own, local.index[own])
-    return _Mine(local, domain, share, view)
+    return _Mine(local, domain, moves, share, view)
 
 
 def _has_repeated(store: Store) -> bool:
@@ -245,7 +254,7 @@ def _smoothed(
     comm: Any, store: Store, mine: _Mine, work: Work, hooks: Hooks
 ) -> tuple[SmoothReport | None, np.ndarray]:
     """The report, None where the result is not what it should be, and the rank's coordinates reached."""
-    local, domain, share, view = mine
+    local, domain, moves, share, view = mine
     options, kind = work.options, KINDS[work.engine]
     try:
         field = direction_field(options.entries, domain, {}, options.seed, options.center, options.axis)
@@ -254,9 +263,9 @@ def _smoothed(
     before = quality_of(comm, view, local.mesh.points, work.vector)
     start = time.perf_counter()
     engine = ShareEngine(comm, kind, share, options.threads)
-    everywhere = np.ones(len(local.index), dtype=bool)
-    moves = moves_of(local.mesh, domain, options.boundary, everywhere, options.feature_angle)
-    run = Run(domain, moves, engine, options, hooks.on_sweep, _asked(comm, hooks.interrupted), 0.0)
+    field = restrict_field(field, moves.freedom, local.index)
+    anywhere = Moves(interior_freedom(moves.freedom.dimension > 0, domain.dimension), None)  # as the field is
+    run = Run(domain, anywhere, engine, options, hooks.on_sweep, _asked(comm, hooks.interrupted), 0.0)
     if options.takes_descent and engine.batches:
         run.descend()
     run.relax(field)
@@ -310,7 +319,7 @@ def _summary(comm: Any, store: Store, mine: _Mine, counts: dict[str, int]) -> Me
     region, divided_by = regions_of(kinds, list(range(len(kinds.cells))))
     moving = sum(n for name, n in counts.items() if CELL_TYPES[name].dimension == mine.domain.dimension)
     return replace(
-        summarise(mine.local.mesh, mine.domain),
+        summarise(mine.local.mesh, mine.domain, mine.moves.constraints),
         points=store.size,
         cells=counts,
         mirrored=moving if mine.domain.mirrored else 0,
@@ -324,7 +333,7 @@ def _limit(
     comm: Any, store: Store, mine: _Mine, points: np.ndarray, after: Quality, options: SmoothOptions
 ) -> Limit | None:
     """The limit of the whole, on the leading rank: from the cells around the worst ones alone."""
-    local, domain, share, _ = mine
+    local, domain, _, share, _ = mine
     worst = np.isin(local.cells, [element.cell for element in after.worst])
     place = np.repeat(worst, np.diff(domain.corners.start))
     named = distinct(local.number[domain.corners.vertices[place].ravel()])

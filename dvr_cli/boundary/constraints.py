@@ -52,8 +52,12 @@ class Constraints:
     rounding: float
 
 
-def constraints_of(mesh: Mesh, domain: Domain) -> Constraints:
-    """The constraints of a mesh and its domain."""
+def constraints_of(mesh: Mesh, domain: Domain, rounding: float | None = None) -> Constraints:
+    """The constraints of a mesh and its domain.
+
+    rounding: that of the mesh which this is a part of, in which no vertex hangs and none coincide; by default
+    this is the whole.
+    """
     d, n_points = domain.dimension, len(mesh.points)
     linear = linear_cells(mesh.cells)
     sides = facets_of(domain.cells, domain.backend)
@@ -109,11 +113,14 @@ def constraints_of(mesh: Mesh, domain: Domain) -> Constraints:
     lines, line_label, off = _lines(mesh, wires, named[is_edge], which[is_edge], sides.sides)
     _fix(fixed, off)
 
-    single = seen[shared == 1]
-    hanging, held = hanging_vertices(domain.points, single)
-    fixed[hanging] = True
-    _fix(fixed, single[held])
-    rounding = ROUNDING * float(np.abs(mesh.points).max(initial=0.0))
+    hanging = coincident = np.empty(0, dtype=np.int64)
+    if rounding is None:
+        single = seen[shared == 1]
+        hanging, held = hanging_vertices(domain.points, single)
+        fixed[hanging] = True
+        _fix(fixed, single[held])
+        coincident = coincident_vertices(domain.points, np.unique(single[single >= 0]))
+        rounding = ROUNDING * float(np.abs(mesh.points).max(initial=0.0))
     if domain.mids is not None:
         bent = domain.mids.bent(mesh.points, rounding, EXACT)
         fixed[bent[~domain.interior[bent].any(axis=1)]] = True
@@ -125,7 +132,7 @@ def constraints_of(mesh: Mesh, domain: Domain) -> Constraints:
         line_label=line_label,
         fixed=fixed,
         hanging=hanging,
-        coincident=coincident_vertices(domain.points, np.unique(single[single >= 0])),
+        coincident=coincident,
         rounding=rounding,
     )
 

@@ -16,27 +16,30 @@ _NEAR = 1e-6  # of the size of a facet: how far off it a vertex may be to count 
 _PAIRS = 1 << 20  # pairs of facets and vertices looked at together
 
 
-def hanging_vertices(points: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def hanging_vertices(
+    points: np.ndarray, facets: np.ndarray, vertices: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """The vertices (m,) of ``facets`` (F, w) that hang on another one, and the facets (k,) they hang on.
 
     Shorter rows end in -1.
 
-    points: (N, d). Facets are edges in the plane, planar faces in space.
+    points: (N, d). Facets are edges in the plane, planar faces in space. vertices: (n,) those asked about
+    that differ in place from all corners of a facet they hang on; by default all of the facets.
     """
-    vertices = np.unique(facets[facets >= 0])
+    vertices = np.unique(facets[facets >= 0]) if vertices is None else vertices
     hangs, holds = np.zeros(len(points), dtype=bool), np.zeros(len(facets), dtype=bool)
     filled = np.where(facets < 0, facets[:, :1], facets)
     low, high = points[filled].min(axis=1), points[filled].max(axis=1)
     size = (high - low).max(axis=1, initial=0.0)
-    level = np.frexp(size)[1]  # boxes of width 2^level: a facet reaches into two of them along each axis
+    level = levels_of(points[filled])
     for one in np.unique(level[size > 0]):
         own = np.flatnonzero((level == one) & (size > 0))
         width = np.ldexp(1.0, int(one))
-        place = _box(np.floor(points[vertices] / width))
+        place = boxes(np.floor(points[vertices] / width))
         order = np.argsort(place, kind="stable")
         first = np.floor(low[own] / width)
         for step in product((0.0, 1.0), repeat=points.shape[1]):
-            box = _box(first + step)
+            box = boxes(first + step)
             start, stop = (np.searchsorted(place[order], box, side=side) for side in ("left", "right"))
             for lo, hi in _portions(stop - start):
                 count = (stop - start)[lo:hi]
@@ -60,8 +63,16 @@ def coincident_vertices(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     return vertices[count[number.ravel()] > 1]
 
 
-def _box(cells: np.ndarray) -> np.ndarray:
-    """(n,) a number for each box of a grid, given by whole numbers (n, d)."""
+def levels_of(corners: np.ndarray) -> np.ndarray:
+    """(F,) the level of each facet: into two boxes of width 2^level along each axis it reaches at most.
+
+    corners: (F, w, d).
+    """
+    return np.frexp((corners.max(axis=1) - corners.min(axis=1)).max(axis=1, initial=0.0))[1]
+
+
+def boxes(cells: np.ndarray) -> np.ndarray:
+    """(n,) a number for each box of a grid, given by whole numbers (n, d), or for each place."""
     number = np.zeros(len(cells), dtype=np.uint64)
     for column in cells.T:
         number = mixed(number ^ (column + 0.0).view(np.uint64))

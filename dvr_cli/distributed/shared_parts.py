@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.distributed.colouring import colours, turns
 from dvr_cli.distributed.parts import Part, Shared
 from dvr_cli.distributed.shares import Local, Store
@@ -25,6 +26,7 @@ class Share:
 
     place: (n,) the vertices of the rank's mesh in the order of the part. own, relaxed: (n,) bool, of the
     vertices of that mesh those that the rank owns, and those that move, on whatever rank.
+    freedom: of the vertices of the part, None where all move anywhere.
     number: (n,) of the vertices of the part, and corners: (c,) ids of the corners of that mesh, in the whole.
     bounds: (ranks + 1,) the ranges of numbers that ranks own.
     """
@@ -33,6 +35,7 @@ class Share:
     place: np.ndarray
     own: np.ndarray
     relaxed: np.ndarray
+    freedom: Freedom | None
     number: np.ndarray
     corners: np.ndarray
     bounds: np.ndarray
@@ -44,15 +47,18 @@ class Share:
         return int(lowest), int(self.corners[problem.touched_ids[corner]])
 
 
-def share_of(comm: Any, store: Store, local: Local, domain: Domain, moves: np.ndarray) -> Share:
+def share_of(comm: Any, store: Store, local: Local, domain: Domain, freedom: Freedom) -> Share:
     """The share of this rank, on all ranks together.
 
-    local: the cells with a vertex that the rank owns, and domain: theirs. moves: (n,) bool, the vertices of
-    that which may move, right for those that the rank owns.
+    local: the cells with a vertex that the rank owns, and domain: theirs. freedom: of the vertices of that,
+    right for those that the rank owns.
     """
     own = store.owner(local.number) == comm.rank
+    moves = freedom.dimension > 0
     position, questions = _positions(comm, store, local, own & moves)
     place = np.argsort(local.number)
+    known = _freedom_of_all(comm, store, local, own, freedom)
+    known = None if known is None else Freedom(known.dimension[place], known.axis[place])
     number = np.empty(len(place), dtype=np.int32)
     number[place] = np.arange(len(place), dtype=np.int32)
     corners = domain.corners
@@ -80,6 +86,9 @@ def share_of(comm: Any, store: Store, local: Local, domain: Domain, moves: np.nd
         touched_ids=touched_ids,
         dimension=corners.dimension,
         components=domain.points.shape[1],
+        freedom=None
+        if known is None
+        else Freedom(known.dimension[rings.vertices], known.axis[rings.vertices]),
     )
     part = Part(
         problem=problem,
@@ -89,7 +98,7 @@ def share_of(comm: Any, store: Store, local: Local, domain: Domain, moves: np.nd
         corners=touched_ids,
     )
     ids = _ids_of_corners(local.cells, corners, store.kinds.are_simplices)
-    return Share(part, place, own, position >= 0, local.number[place], ids, store.bounds)
+    return Share(part, place, own, position >= 0, known, local.number[place], ids, store.bounds)
 
 
 def _ids_of_corners(cells: np.ndarray, corners: Corners, are_simplices: bool) -> np.ndarray:
@@ -99,6 +108,18 @@ def _ids_of_corners(cells: np.ndarray, corners: Corners, are_simplices: bool) ->
     counts = np.diff(corners.start)
     nth = np.arange(corners.start[-1]) - np.repeat(corners.start[:-1], counts)
     return np.repeat(cells, counts) * _CORNERS + nth
+
+
+def _freedom_of_all(
+    comm: Any, store: Store, local: Local, own: np.ndarray, freedom: Freedom
+) -> Freedom | None:
+    """The freedom of all vertices, from those who own them ((n,) bool); None if all of all ranks are free."""
+    if not any(comm.allgather(bool(freedom.axis[own].any()))):
+        return None
+    rows = np.zeros((store.count, 1 + freedom.axis.shape[1]))
+    rows[local.number[own] - store.first] = np.column_stack([freedom.dimension, freedom.axis])[own]
+    known, _ = store.of_others(local.number, rows)
+    return Freedom(known[:, 0].astype(np.uint8), np.ascontiguousarray(known[:, 1:]))
 
 
 def _positions(

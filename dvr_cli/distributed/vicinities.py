@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dvr_cli.backend import Backend
+from dvr_cli.boundary.freedom import Freedom, interior_freedom
 from dvr_cli.distributed.rows import owner_of, swapped
 from dvr_cli.distributed.shared_parts import Share
 from dvr_cli.mesh.corners import ShapeTable
@@ -24,7 +25,8 @@ class _Rows(NamedTuple):
     """Some corners and their vertices, by number in the whole.
 
     ids: (c,) of the corners, vertices: (c, d+1), shapes: (c,). number: (n,) of the vertices, each once,
-    ascending, colour: (n,), -1 for those that are not relaxed, points: (n, d).
+    ascending, colour: (n,), -1 for those that are not relaxed, points: (n, d). dimension, axis: (n,), (n, d)
+    of ``Freedom``.
     """
 
     ids: np.ndarray
@@ -33,6 +35,8 @@ class _Rows(NamedTuple):
     number: np.ndarray
     colour: np.ndarray
     points: np.ndarray
+    dimension: np.ndarray
+    axis: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +45,8 @@ class Vicinity:
 
     ids: (c,) of the corners, vertices: (c, d+1) in the vicinity's numbering, shapes: (c,) rows of ``table``.
     number: (n,) of the vertices in the whole, points: (n, d), relaxed: (m,) those that are, in the order of
-    the rings of the whole. answerers, homes: (c,) the ranks that answer for each corner, and that owns its
-    lowest vertex.
+    the rings of the whole. freedom: of the vertices. answerers, homes: (c,) the ranks that answer for each
+    corner, and that owns its lowest vertex.
     """
 
     ids: np.ndarray
@@ -52,6 +56,7 @@ class Vicinity:
     number: np.ndarray
     points: np.ndarray
     relaxed: np.ndarray
+    freedom: Freedom
     answerers: np.ndarray
     homes: np.ndarray
     backend: Backend
@@ -77,9 +82,8 @@ class Vicinity:
 
     def solvable(self, patches: list[Patches], enough: float, altitude: float) -> list[Patch]:
         """Some patches, one in each of ``patches``, as the solver takes them; no two share a corner."""
-        n, d = self.points.shape
-        slot = np.full(n, -1, dtype=np.int32)
-        rules = slot, self.table.norm, self.table.factor, np.full(n, d, dtype=np.uint8), np.zeros((n, d))
+        slot = np.full(len(self.points), -1, dtype=np.int32)
+        rules = slot, self.table.norm, self.table.factor, self.freedom.dimension, self.freedom.axis
         for one in patches:
             slot[one.freed] = np.arange(len(one.freed))
         return [Patch(*one.of(0), *rules, enough, altitude) for one in patches]
@@ -100,6 +104,8 @@ class Vicinities:
         """engine: of the rank, which has the coordinates."""
         self._comm, self._share, self._engine = comm, share, engine
         problem = share.part.problem
+        anywhere = interior_freedom(np.ones(len(share.number), dtype=bool), problem.components)
+        self._freedom = anywhere if share.freedom is None else share.freedom
         self._own = np.sort(problem.rings.vertices)
         row = np.full(len(share.number), -1, dtype=np.int32)
         row[self._own] = np.arange(len(self._own))
@@ -147,6 +153,8 @@ class Vicinities:
         number, first = np.unique(np.concatenate([rows.number for rows in found]), return_index=True)
         colour = np.concatenate([rows.colour for rows in found])[first]
         points = np.concatenate([rows.points for rows in found])[first]
+        dimension = np.concatenate([rows.dimension for rows in found])[first]
+        axis = np.concatenate([rows.axis for rows in found])[first]
         ids, first = np.unique(np.concatenate([rows.ids for rows in found]), return_index=True)
         vertices = np.concatenate([rows.vertices for rows in found])[first]
         shapes = np.concatenate([rows.shapes for rows in found])[first]
@@ -164,6 +172,7 @@ class Vicinities:
             number=number,
             points=np.ascontiguousarray(points),
             relaxed=relaxed,
+            freedom=Freedom(dimension, axis),
             answerers=answerer[vertices].min(axis=1, initial=self._comm.size),
             homes=owner[vertices].min(axis=1, initial=self._comm.size),
             backend=self._engine.backend,
@@ -184,7 +193,7 @@ class Vicinities:
         vertices = touched.vertices[corners]
         here = distinct(vertices.ravel())
         points = self._engine.coordinates[here]
-        number = share.number[here]
+        number, freedom = share.number[here], self._freedom
         return _Rows(
             self.ids(corners),
             share.number[vertices],
@@ -192,4 +201,6 @@ class Vicinities:
             number,
             self._colour[here],
             points,
+            freedom.dimension[here],
+            freedom.axis[here],
         )

@@ -91,8 +91,13 @@ def check_name(name: str) -> None:
         raise UsageError(f"directions: unknown name {name!r}; known: {known}, file:PATH, field:NAME")
 
 
-def restrict_field(field: DirectionField, freedom: Freedom) -> DirectionField:
-    """The part of a field that each vertex is free to follow, of unit length, or zero where there is none."""
+def restrict_field(
+    field: DirectionField, freedom: Freedom, index: np.ndarray | None = None
+) -> DirectionField:
+    """The part of a field that each vertex is free to follow, of unit length, or zero where there is none.
+
+    index: (N,) ascending, by which the field is asked about each vertex of ``freedom``; None for its number.
+    """
     if not freedom.axis.any():
         return field
 
@@ -100,7 +105,7 @@ def restrict_field(field: DirectionField, freedom: Freedom) -> DirectionField:
         directions = field(sweep, points, vertices)
         if isinstance(directions, Ascent):  # the engine keeps to the problem's freedom
             return directions
-        return freedom.directions(directions, vertices)
+        return freedom.directions(directions, vertices if index is None else np.searchsorted(index, vertices))
 
     return inside
 

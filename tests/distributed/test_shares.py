@@ -50,9 +50,17 @@ RUNS = (
     ("hexahedron inside-out", "-n 3 --no-patches"),
     ("quad inside-out", "-d random -n 3"),
     *((name, "-n 3") for name in (*MIXED, *PLANAR)),
+    ("41.msh", "--boundary slide -n 3"),
+    ("positive", "--boundary slide -d random -n 3 --tol 0"),
+    ("positive", "--boundary slide -n 4 --patches"),
+    ("22-mixed.msh", "--boundary slide -n 3"),
+    ("quad", "--boundary slide -n 3 --patches"),
+    ("hull", "--boundary slide -n 3"),
+    ("41-planar.msh", "--boundary slide -d random,x -n 4 --target 0.9"),
+    ("hexahedron", "--boundary slide -d steepest -n 3 --polish"),
 )
 # ranks, and one run in so many, where tests may take long
-OTHERS = ((1, 3), (2, 3), (3, 3), (4, 1), (8, 3))
+OTHERS = ((1, 5), (2, 5), (3, 4), (4, 1), (8, 5))
 
 
 def ranges_of(path):
@@ -91,7 +99,7 @@ commands_of = partial(commands_for, write=write)
 
 
 @pytest.mark.parametrize(
-    ("ranks", "every"), [(3, 6), *(pytest.param(*both, marks=pytest.mark.long) for both in OTHERS)]
+    ("ranks", "every"), [(3, 16), *(pytest.param(*both, marks=pytest.mark.long) for both in OTHERS)]
 )
 def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, ranks, every):
     """In the usual run of the tests one run in so many."""
@@ -230,7 +238,8 @@ def test_runs_that_need_the_whole_mesh_are_not_taken():
     assert takes(SmoothOptions(patches=False))
     assert takes(SmoothOptions(patches=True))
     assert takes(SmoothOptions(directions="random", polish=True, floor=0.9))
-    others = [{"directions": "radial"}, {"boundary": "slide"}]
+    assert takes(SmoothOptions(boundary="slide"))
+    others = [{"directions": "radial"}, {"boundary": "project"}]
     others += [{"fix": "a"}, {"below": 0.3}, {"vertices": [1]}, {"regions": "none"}, {"untangle": True}]
     others += [{"order": "natural"}, {"shape": "input"}, {"metric": np.ones((3, 3, 3))}]
     for other in others:
