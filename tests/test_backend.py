@@ -11,7 +11,7 @@ from dvr_cli.backend import COMPILED, NUMPY
 from dvr_cli.mesh import facets, interior, repeated, rings, simplex
 from dvr_cli.quality import altitudes, angles, mean_ratio, vector
 from dvr_cli.relax import altitudes as altitude_rule
-from dvr_cli.relax import problem, schedule
+from dvr_cli.relax import problem, ring_qualities, schedule
 from dvr_cli.relax.patches import neighbourhoods, solver
 from needs import require
 
@@ -23,6 +23,7 @@ TWINS = (
     altitude_rule.hold_altitudes,
     *(mean_ratio.corner_terms, mean_ratio.metric_norms, vector.lower),
     *(problem.touched_corners, neighbourhoods.choose, solver.solve_patch, solver.find_moves),
+    *(ring_qualities.corners_of_rings, ring_qualities.renew),
     *(schedule.colours, schedule.colour_ready, schedule.levels),
 )
 

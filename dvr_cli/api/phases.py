@@ -15,6 +15,7 @@ from dvr_cli.api.altitudes import altitude_bound
 from dvr_cli.api.boundary import Moves, change_of
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.mesh.domain import Domain
+from dvr_cli.relax.care import Care
 from dvr_cli.relax.directions import DirectionField, restrict_field
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.phases import Phase, PolishPhase
@@ -76,6 +77,11 @@ class Run:
         self._dear: float | None = None  # see ``relax.descent``
 
     @property
+    def threads(self) -> int:
+        """The number of threads that the engine uses."""
+        return self._engine.threads
+
+    @property
     def seconds(self) -> float:
         """Since the run began."""
         return self._engine.now() - self._began
@@ -95,7 +101,6 @@ class Run:
         hooks = self._on_sweep, self._interrupted
         self._load()
         descent = descend(self._engine, self._remaining(), *hooks, self._qualities)
-        self._qualities = None
         self._take_over(descent.outcome)
         ended = descent.outcome.stopped_because
         self.phases.append(PolishPhase("descent", len(descent.outcome.sweeps), ended, descent.floor))
@@ -111,7 +116,10 @@ class Run:
 
         def sweep() -> Relaxation:
             done = len(self.sweeps)
-            return relax(self._engine, None, directions, self._remaining(), *hooks, self.level, done)
+            stopping, care = self._remaining(), None
+            if self.level is not None and self._engine.relaxes:
+                care = Care(self._engine, self.level, stopping, self._qualities)
+            return relax(self._engine, None, directions, stopping, *hooks, care, done)
 
         outcome = sweep()
         jammed = self._options.stopping.target is not None and self.level is not None
@@ -124,7 +132,7 @@ class Run:
     def start_anew(self) -> None:
         """Go back to where the phases after untangling began, and forget them."""
         assert self._begin is not None
-        self.points, self._begin = self._begin, None
+        self.points, self._begin, self._qualities = self._begin, None, None
         self.phases, self.sweeps = [], []
 
     def _load(self) -> None:
@@ -148,7 +156,8 @@ class Run:
             if self.level is None and self._options.is_free and self._moves.parts is None:
                 self.level = self._level()
             stopping, done = self._remaining(), len(self.sweeps)
-            self._enter("patches", relax_patches(self._engine, stopping, done, *hooks, self.level))
+            outcome = relax_patches(self._engine, stopping, done, *hooks, self.level, self._qualities)
+            self._enter("patches", outcome)
 
     def polish(self, least: float) -> None:
         """Raise the mean quality: the quality vector below the level of care does not decrease.
@@ -170,7 +179,8 @@ class Run:
         self._unpolished = self._engine.state(), len(self.sweeps)
         sweeps = 0
         while True:
-            outcome = polish(self._engine, floor, self._remaining(), len(self.sweeps), *hooks, aim=aim)
+            stopping, done, work = self._remaining(), len(self.sweeps), Work(known=self._qualities)
+            outcome = polish(self._engine, floor, stopping, done, *hooks, aim=aim, work=work)
             sweeps += len(outcome.sweeps)
             if aim.by_ring and not outcome.stopped_because.cuts_short:
                 self._take_over(outcome)
@@ -220,7 +230,7 @@ class Run:
         assert self._unpolished is not None
         state, sweeps = self._unpolished
         self._engine.restore(state)
-        self.points = self._engine.points
+        self.points, self._qualities = self._engine.points, None
         del self.sweeps[sweeps:]
         self.phases[-1] = replace(self.phases[-1], sweeps=0, stopped_because=StopReason.UNDONE)
 
@@ -243,6 +253,7 @@ class Run:
     def undo(self, bound: float) -> None:
         """Go back to where vertices began to walk, as the boundary has come too far from the input's."""
         self._engine.load(self._start)
+        self._qualities = None
         self.points, self.stopped_because = self._start, StopReason.DEVIATION
         as_given = np.array_equal(self._start, self._domain.points)  # nothing was unfolded
         deviation = 0.0 if as_given else self._engine.deviation()
@@ -255,11 +266,13 @@ class Run:
 
     def _take_over(self, outcome: Relaxation) -> None:
         self.points, self.stopped_because = outcome.points, outcome.stopped_because
+        self._qualities = outcome.qualities
         self.sweeps += outcome.sweeps
 
     def _level(self) -> float | None:
         """The level of care of the mesh as it is, None where it is too tangled for one."""
-        level = self._engine.level(self._engine.qualities())
+        qualities = self._engine.qualities() if self._qualities is None else self._qualities
+        level = self._engine.level(qualities)
         return level if level > 0.0 else None
 
     def _remaining(self) -> Stopping:

@@ -139,8 +139,8 @@ class LeadEngine(Engine):
 
     # ------------------------------------------------------------------------------ of Engine
 
-    def _moved(self, lo: int, hi: int, move: Callable[[], int], limit: float, by_ring: bool) -> int:
-        return move()  # the members keep to the altitude
+    def _moved(self, lo: int, hi: int, move: Callable[[int, int], int], limit: float, by_ring: bool) -> int:
+        return move(lo, hi)  # the members keep to the altitude
 
     def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray, enough: float) -> int:
         self._send("directions", directions)

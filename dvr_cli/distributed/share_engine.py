@@ -140,8 +140,8 @@ class ShareEngine(Engine):
 
     # ------------------------------------------------------------------------------ of Engine
 
-    def _moved(self, lo: int, hi: int, move: Callable[[], int], limit: float, by_ring: bool) -> int:
-        return move()  # the rank's engine keeps to the altitude
+    def _moved(self, lo: int, hi: int, move: Callable[[int, int], int], limit: float, by_ring: bool) -> int:
+        return move(lo, hi)  # the rank's engine keeps to the altitude
 
     def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray, enough: float) -> int:
         return self._followed(batch, self._member.engine.relax_batch(batch, directions, enough))

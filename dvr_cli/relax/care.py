@@ -21,13 +21,18 @@ class Care:
     level: of care. active: (m,) bool, the rings below it that have not settled.
     """
 
-    def __init__(self, engine: Engine, level: float, stopping: Stopping) -> None:
-        """stopping: says which growth counts, and how many sweeps without it are borne."""
+    def __init__(
+        self, engine: Engine, level: float, stopping: Stopping, qualities: np.ndarray | None = None
+    ) -> None:
+        """stopping: says which growth counts, and how many sweeps without it are borne.
+
+        qualities: (C,) of the engine's corners, if they are known.
+        """
         self._engine, self.level, self._stopping = engine, level, stopping
         self._idle = np.zeros(len(engine.problem.rings.vertices), dtype=np.int64)
         local = engine.has_coordinates and not engine.problem.is_surface
-        self._kept = RingQualities(engine) if local else None
-        self._worst = engine.ring_qualities() if self._kept is None else self._kept.values.copy()
+        self._kept = RingQualities(engine, qualities) if local else None
+        self._worst = engine.ring_qualities(qualities) if self._kept is None else self._kept.values.copy()
         self.active = self._worst < level
         self._places = self._of_active()
 
@@ -35,6 +40,11 @@ class Care:
     def q1(self) -> float:
         """Q1: the worst quality in any ring."""
         return self._engine.lowest(self._worst)
+
+    @property
+    def qualities(self) -> np.ndarray | None:
+        """(C,) those of the engine's corners, if they are known."""
+        return None if self._kept is None else self._kept.qualities
 
     @property
     def below(self) -> float:

@@ -7,7 +7,7 @@ together lies together in memory (docs/design.md, "The two numberings").
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.mesh.corners import Corners, Simplices
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.morton import morton_order
-from dvr_cli.mesh.rings import Rings, incidence_of
+from dvr_cli.mesh.rings import Incidence, Rings, incidence_of
 from dvr_cli.relax.schedule import batches
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ class Problem:
     freedom: Freedom | None = None
     walk_start: np.ndarray | None = None
     carriers: Carriers | None = None
+    _incidence: dict[Backend, Incidence] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def is_surface(self) -> bool:
@@ -62,6 +63,13 @@ class Problem:
     def relaxed(self) -> np.ndarray:
         """(m,) the relaxed vertices in the order of a sweep, in the mesh's numbering."""
         return self.order[self.rings.vertices]
+
+    def incidence(self, backend: Backend) -> Incidence:
+        """The touched corners that contain the vertex of each ring; backend: what computes it once."""
+        known, size = self._incidence, len(self.order)
+        if backend not in known:
+            known[backend] = incidence_of(self.touched, self.rings.vertices, size, backend)
+        return known[backend]
 
     def parts(self, batch: int) -> tuple[int, int, int]:
         """The first ring of a batch, the first of its vertices that walk, and the first of the next batch."""

@@ -10,45 +10,65 @@ import numpy as np
 
 from dvr_cli.mesh.csr import row_entries
 from dvr_cli.mesh.ranks import distinct
-from dvr_cli.mesh.rings import incidence_of
-from dvr_cli.quality.mean_ratio import corner_qualities
-from dvr_cli.quality.vector import ring_minima
 from dvr_cli.relax.engines.engine import Engine
 
-_FEW = 50  # one of so many rings may have moved: with more it is as quick to look at all
+_FEW = 20  # one of so many rings may have moved: with more it is as quick to look at all
 
 
 class RingQualities:
     """The worst quality in each ring of an engine.
 
-    values: (m,) as they were when last looked at.
+    values: (m,) as they were when last looked at, and qualities: (C,) of the corners.
     """
 
-    def __init__(self, engine: Engine) -> None:
-        """engine: not one of a surface in space, nor one that leaves coordinates to others."""
-        self._engine, problem = engine, engine.problem
-        incidence = incidence_of(problem.touched, problem.rings.vertices, len(problem.order), engine.backend)
-        self._rings, self._start, self._corners = incidence.members, incidence.start, incidence.corner
-        self._look_at_all()
+    def __init__(self, engine: Engine, qualities: np.ndarray | None = None) -> None:
+        """engine: not one of a surface in space, nor one that leaves coordinates to others.
+
+        qualities: (C,) of its corners, if they are known.
+        """
+        self._engine = engine
+        self._look_at_all(engine.qualities() if qualities is None else qualities.copy())
 
     def update(self, moved: np.ndarray) -> None:
         """Look again at what changes with the vertices of the rings ``moved`` (k,)."""
         if len(moved) * _FEW > len(self.values):
-            self._look_at_all()
+            self._look_at_all(self._engine.qualities())
             return
-        problem = self._engine.problem
-        changed = distinct(self._corners[row_entries(self._start, moved)[0]])
-        self._qualities[changed] = corner_qualities(self._engine.coordinates, problem.touched.part(changed))
-        members = self._rings[changed]
-        around = distinct(members[members >= 0])
-        entries, first = row_entries(self._start, around)
-        if len(around):
-            values = self._qualities[self._corners[entries]]
-            self.values[around] = np.minimum.reduceat(values, first[:-1])
+        engine = self._engine
+        incidence = engine.problem.incidence(engine.backend)
+        corners = incidence.start, incidence.corner
+        changed = engine.backend.twin(corners_of_rings)(moved, *corners, len(self.qualities))
+        new = engine.qualities_of(changed)
+        engine.backend.twin(renew)(self.values, self.qualities, changed, new, *corners, incidence.members)
 
-    def _look_at_all(self) -> None:
-        problem = self._engine.problem
-        self._qualities = self._engine.qualities()
-        touched, backend = problem.touched, self._engine.backend
-        minima = ring_minima(self._qualities, touched, len(problem.order), backend)
-        self.values = minima[problem.rings.vertices]
+    def _look_at_all(self, qualities: np.ndarray) -> None:
+        self.qualities, self.values = qualities, self._engine.ring_qualities(qualities)
+
+
+def corners_of_rings(rings: np.ndarray, start: np.ndarray, corner: np.ndarray, n: int) -> np.ndarray:
+    """(k,) the corners, of n, that are in any of ``rings`` (r,), each once.
+
+    start, corner: of an ``Incidence``.
+    """
+    return distinct(corner[row_entries(start, rings)[0]])
+
+
+def renew(
+    values: np.ndarray,
+    qualities: np.ndarray,
+    changed: np.ndarray,
+    new: np.ndarray,
+    start: np.ndarray,
+    corner: np.ndarray,
+    members: np.ndarray,
+) -> None:
+    """Set the ``qualities`` (C,) of corners ``changed`` (k,) to ``new`` (k,), and with them ``values`` (m,).
+
+    start, corner, members: of an ``Incidence``.
+    """
+    qualities[changed] = new
+    rings = members[changed]
+    around = distinct(rings[rings >= 0])
+    entries, first = row_entries(start, around)
+    if len(around):
+        values[around] = np.minimum.reduceat(qualities[corner[entries]], first[:-1])

@@ -60,13 +60,14 @@ def relax(
     stopping: Stopping,
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
-    level: float | None = None,
+    care: Care | None = None,
     done: int = 0,
 ) -> Relaxation:
     """Relax the vertices of the engine's problem from ``points`` (N, d), None for where the engine is.
 
-    level: of care; with it only rings below it move, no further than needed, until all have settled. Without,
-    all move as far as there is anything to gain, until Q1 has converged.
+    care: for the rings of the engine where it is; with it only those below its level move, no further than
+    needed, until all have settled. Without, all move as far as there is anything to gain, until Q1 has
+    converged.
     on_sweep: called after each sweep. interrupted: asked after each batch; when true the mesh reached is the
     result. done: how many sweeps came before. Every intermediate mesh is valid and no worse (Theorem 4.10).
     """
@@ -75,14 +76,13 @@ def relax(
         engine.load(points)
     if not engine.relaxes:
         return Relaxation(engine.points, [], StopReason.NOTHING_TO_RELAX)
-    care = None if level is None else Care(engine, level, stopping)
     history = [engine.q1() if care is None else care.q1]
     sweeps: list[Sweep] = []
 
     # towards a target they go as far as they can, as they have to make room for each other
     enough = 0.0
-    if level is not None and stopping.target is None:
-        enough = badness_of(level, engine.problem.dimension)
+    if care is not None and stopping.target is None:
+        enough = badness_of(care.level, engine.problem.dimension)
 
     def ended() -> StopReason | None:
         seconds = engine.now() - start
@@ -108,7 +108,7 @@ def relax(
             on_sweep(sweeps[-1])
     if not sweeps:  # what ended untangling early is then the reason
         reason = cut_short(engine, start, stopping, interrupted) or reason
-    return Relaxation(engine.points, sweeps, reason)
+    return Relaxation(engine.points, sweeps, reason, None if care is None else care.qualities)
 
 
 class Work(NamedTuple):

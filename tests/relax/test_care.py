@@ -14,7 +14,7 @@ from dvr_cli.mesh.domain import domain_of
 from dvr_cli.relax.care import Care
 from dvr_cli.relax.descent import descend
 from dvr_cli.relax.directions import ascent_field, direction_field, random_field
-from dvr_cli.relax.engines.numpy_engine import NumpyEngine
+from dvr_cli.relax.engines.choice import KINDS as KINDS_OF_ENGINES
 from dvr_cli.relax.patches.phase import LAYERS, relax_patches
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.problem import build_problem
@@ -23,12 +23,14 @@ from dvr_cli.relax.steepest import STEEPEST
 from dvr_cli.relax.stopping import Stopping
 from dvr_cli.relax.sweeps import polish, relax
 from meshes import KINDS, delaunay, random_mesh
+from needs import require
 
 
-def loaded(mesh):
+def loaded(mesh, name="numpy"):
     """An engine with the mesh's coordinates, and its domain."""
     domain = domain_of(mesh)
-    engine = NumpyEngine(build_problem(domain.corners, np.flatnonzero(domain.interior), domain.points))
+    problem = build_problem(domain.corners, np.flatnonzero(domain.interior), domain.points)
+    engine = KINDS_OF_ENGINES[name].make(problem, 2)
     engine.load(domain.points)
     return engine, domain
 
@@ -174,7 +176,7 @@ def test_sweeps_say_what_share_is_below_the_level():
     def share_of_corners(sweep):
         found.append((sweep.below, (engine.qualities() < level).mean()))
 
-    relax(engine, None, field, stopping, share_of_rings, level=level)
+    relax(engine, None, field, stopping, share_of_rings, care=Care(engine, level, stopping))
     relax_patches(engine, Stopping(max_iterations=1), on_sweep=share_of_corners, level=level)
     aim = Aim(level, relative=True, by_ring=True)
     polish(engine, level, stopping, on_sweep=share_of_corners, aim=aim)
@@ -249,9 +251,11 @@ def test_an_engine_of_some_rings_moves_them_as_the_whole_one_does(kind, altitude
 
 
 @pytest.mark.parametrize("few", [1, 10**6])  # as ever so few of many rings, and as too many to count as few
-def test_ring_qualities_are_those_of_the_corners_after_any_move(few, monkeypatch):
+@pytest.mark.parametrize("name", ["numpy", "numba"])
+def test_ring_qualities_are_those_of_the_corners_after_any_move(name, few, monkeypatch):
+    require(name)
     monkeypatch.setattr("dvr_cli.relax.ring_qualities._FEW", few)
-    engine, domain = loaded(delaunay(200, 3, 2))
+    engine, domain = loaded(delaunay(200, 3, 2), name)
     kept = RingQualities(engine)
     for seed in range(3):
         moved = np.random.default_rng(seed).choice(len(kept.values), 5, replace=False)

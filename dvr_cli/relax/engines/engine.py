@@ -5,15 +5,16 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from functools import partial, reduce
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from dvr_cli.backend import Backend
 from dvr_cli.boundary.freedom import Freedom
+from dvr_cli.mesh.sums import mean_of_total, total
 from dvr_cli.quality.level import LEAST, WORST, level_of
-from dvr_cli.quality.mean_ratio import corner_qualities, mean_quality
+from dvr_cli.quality.mean_ratio import EXPONENT, corner_qualities
 from dvr_cli.quality.vector import at_least, ring_minima
 from dvr_cli.relax.altitudes import hold_altitudes
 from dvr_cli.relax.polish import PLAIN, Aim
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
     from dvr_cli.relax.surface.walk import Walk
 
     State = tuple[np.ndarray, Standing | None]
+_LONG_PART = 100_000  # corners, where each part has to be put together with the others
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
 
 
 class Engine(ABC):
@@ -120,6 +124,15 @@ class Engine(ABC):
         """(C,) quality of each corner with a relaxed vertex."""
         return corner_qualities(self._get(), self.problem.touched, self.backend, self.turned)
 
+    def qualities_of(self, corners: np.ndarray) -> np.ndarray:
+        """(k,) quality of some corners ((k,) numbers) of a planar or volume mesh."""
+        points, touched = self._get(), self.problem.touched
+
+        def part(lo: int, hi: int) -> np.ndarray:
+            return corner_qualities(points, touched.part(corners[lo:hi]), self.backend)
+
+        return np.concatenate(self._in_parts(part, 0, len(corners)))
+
     @property
     def turned(self) -> np.ndarray | None:
         """(C,) bool, the touched corners of a surface that are turned over; None in other meshes."""
@@ -164,14 +177,21 @@ class Engine(ABC):
         """(m,) the worst quality in each ring; qualities: (C,) of the corners, if they are known."""
         problem = self.problem
         known = self.qualities() if qualities is None else qualities
-        minima = ring_minima(known, problem.touched, len(problem.order), self.backend)
+
+        def part(lo: int, hi: int) -> np.ndarray:
+            corners = problem.touched.part(slice(lo, hi))
+            return ring_minima(known[lo:hi], corners, len(problem.order), self.backend)
+
+        minima = reduce(np.minimum, self._in_parts(part, 0, len(known), _LONG_PART))
         return minima[problem.rings.vertices]
 
     # What phases ask of all values that ``qualities`` and ``ring_qualities`` have, wherever these are.
 
     def mean(self, qualities: np.ndarray) -> float:
         """The mean of the qualities of the corners."""
-        return mean_quality(qualities)
+        count = len(qualities)
+        parts = self._in_parts(lambda a, b: total(qualities[a:b], EXPONENT), 0, count, _LONG_PART)
+        return mean_of_total(sum(parts), count, EXPONENT)
 
     def level(self, qualities: np.ndarray, share: float = WORST, least: int = LEAST) -> float:
         """The quality that this share of the corners is below, but so many at least."""
@@ -287,7 +307,10 @@ class Engine(ABC):
         enough: the badness with which a ring is good enough: its vertex goes no further; 0.0 for none.
         """
         lo, walking, hi = self.problem.parts(batch)
-        move = partial(self._relax, batch, lo, walking, directions, enough)
+
+        def move(a: int, b: int) -> int:
+            return self._relax(batch, a, b, directions, enough)
+
         moved = self._moved(lo, walking, move, 0.0, True)
         return moved + self._walk(walking, hi, directions, False, np.inf, PLAIN)
 
@@ -302,7 +325,10 @@ class Engine(ABC):
         """
         lo, walking, hi = self.problem.parts(batch)
         visited = self._all if active is None else active
-        move = partial(self._polish, batch, lo, walking, limit, aim, visited)
+
+        def move(a: int, b: int) -> int:
+            return self._polish(batch, a, b, limit, aim, visited)
+
         moved = self._moved(lo, walking, move, limit, aim.by_ring)
         self._point_ahead(walking, hi, -1.0, aim, active)
         return moved + self._walk(walking, hi, self._directions, True, limit, aim)
@@ -311,23 +337,23 @@ class Engine(ABC):
         """(hi - lo, d) copy of where the vertices of the rings lo .. hi are."""
         return self._get()[self.problem.rings.vertices[lo:hi]]
 
-    def _moved(self, lo: int, hi: int, move: Callable[[], int], limit: float, by_ring: bool) -> int:
+    def _moved(self, lo: int, hi: int, move: Callable[[int, int], int], limit: float, by_ring: bool) -> int:
         """Move the vertices of the rings lo .. hi, no farther than the altitude rule lets them.
 
-        move: moves them, and returns how many, as this does. limit, by_ring: of ``altitudes.hold_altitudes``.
+        move: moves those of a part, and returns how many, as this does. limit, by_ring: of
+        ``altitudes.hold_altitudes``.
         """
         if lo == hi:
             return 0
         if self.altitude <= 0.0:
-            return move()
-        before, moved = self._placed(lo, hi), move()
-        kernel = self.backend.twin(hold_altitudes)
+            return sum(self._in_parts(move, lo, hi))
+        hold, rule = self.backend.twin(hold_altitudes), (float(self.altitude), float(limit), by_ring)
 
         def part(a: int, b: int) -> int:
-            rule = float(self.altitude), float(limit), by_ring
-            return kernel(self._get(), before[a - lo : b - lo], a, b, self._rows, *rule)
+            before, moved = self._placed(a, b), move(a, b)
+            return moved - hold(self._get(), before, a, b, self._rows, *rule) if moved else 0
 
-        return moved - sum(self._in_parts(part, lo, hi)) if moved else 0
+        return sum(self._in_parts(part, lo, hi))
 
     def rounds(self) -> Rounds:
         """The rounds of patches from these coordinates, see ``relax.patches``."""
@@ -348,12 +374,7 @@ class Engine(ABC):
         def solved(patch: Patch) -> tuple[float, float]:
             return (1.0, 1.0) if time_is_up() else solve(patch)
 
-        if self.threads == 1:
-            return list(map(solved, patches))
-        from concurrent.futures import ThreadPoolExecutor
-
-        with ThreadPoolExecutor(self.threads) as pool:
-            return list(pool.map(solved, patches))
+        return self._each(solved, patches)
 
     def _solver(self, points: np.ndarray) -> Callable[[Patch], tuple[float, float]]:
         """The function that moves the vertices of a patch; see ``solve_patches``."""
@@ -436,10 +457,16 @@ class Engine(ABC):
 
         self._in_parts(part, lo, hi)
 
-    def _in_parts(self, work: Callable[[int, int], Any], lo: int, hi: int) -> list[Any]:
-        """work(a, b) for consecutive parts a .. b of lo .. hi, in order."""
+    def _each(self, work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
+        """work(item) for each of the items, which are independent, in order."""
+        return list(map(work, items))
+
+    def _in_parts(self, work: Callable[[int, int], Any], lo: int, hi: int, least: int = 1) -> list[Any]:
+        """work(a, b) for consecutive parts a .. b of lo .. hi, in order; least: their length at least."""
         with np.errstate(all="ignore"):  # corners that are not positive, directions of no length
             return [work(lo, hi)]
+
+    # These get the parts that ``_in_parts`` makes of the rings of a batch, on any thread.
 
     @abstractmethod
     def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray, enough: float) -> int:

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from threading import Thread
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from dvr_cli.relax.engines.numpy_engine import NumpyEngine
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.problem import Problem
 
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
 READY = b"ready"  # the line by which the other process says that all is compiled
 _COMPILE = "import sys; sys.path[:] = {}; from dvr_cli.api.warming import compile_for; compile_for({!r})"
 
@@ -130,5 +132,8 @@ class HandoverEngine(Engine):
     def _worst_corner(self) -> tuple[int, float]:
         return self._engine._worst_corner()
 
-    def _in_parts(self, work: Callable[[int, int], Any], lo: int, hi: int) -> list[Any]:
-        return self._engine._in_parts(work, lo, hi)
+    def _in_parts(self, work: Callable[[int, int], Any], lo: int, hi: int, least: int = 1) -> list[Any]:
+        return self._engine._in_parts(work, lo, hi, least)
+
+    def _each(self, work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
+        return self._engine._each(work, items)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.problem import Problem, RingFreedom
 from dvr_cli.relax.steepest_numba import steepest_directions
 
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
 _LEAST = 512  # rings or corners in a part at least: fewer cost more than they save
 _SHARES = 4  # parts a thread gets on average: who is slowed down by other work on the machine takes fewer
 
@@ -54,18 +56,20 @@ class NumbaEngine(Engine):
         return self._points
 
     def _relax(self, batch: int, lo: int, hi: int, directions: np.ndarray, enough: float) -> int:
-        return sum(self._run(relax_rings, lo, hi, directions, float(enough)))
+        return relax_rings(self._points, directions, lo, hi, self._rows, float(enough), self._scratch())
 
     def _steepest(self, batch: int, lo: int, hi: int, band: float, active: np.ndarray) -> None:
-        self._run(steepest_directions, lo, hi, self._directions, RingFreedom(active, *self._within), band)
+        freedom = RingFreedom(active, *self._within)
+
+        def part(a: int, b: int) -> None:
+            scratch = self._scratch()
+            steepest_directions(self._points, self._directions, a, b, self._rows, freedom, band, scratch)
+
+        self._in_parts(part, lo, hi)
 
     def _polish(self, batch: int, lo: int, hi: int, limit: float, aim: Aim, active: np.ndarray) -> int:
         freedom = RingFreedom(active, *self._within)
-
-        def part(lo: int, hi: int) -> int:
-            return polish_rings(self._points, lo, hi, self._rows, freedom, float(limit), aim, self._scratch())
-
-        return sum(self._in_parts(part, lo, hi))
+        return polish_rings(self._points, lo, hi, self._rows, freedom, float(limit), aim, self._scratch())
 
     def qualities(self) -> np.ndarray:
         if self.problem.is_surface:
@@ -78,16 +82,6 @@ class NumbaEngine(Engine):
 
         self._in_parts(part, 0, len(result))
         return result
-
-    def _run(
-        self, kernel: Callable[..., Any], lo: int, hi: int, directions: np.ndarray, *more: Any
-    ) -> list[Any]:
-        """The results of a kernel for the rings lo .. hi, part by part; more: its own arguments."""
-
-        def part(lo: int, hi: int) -> Any:
-            return kernel(self._points, directions, lo, hi, self._rows, *more, self._scratch())
-
-        return self._in_parts(part, lo, hi)
 
     def _scratch(self) -> np.ndarray:
         """Columns for a ring, of any size that there is; see ``columns_numba``."""
@@ -103,24 +97,27 @@ class NumbaEngine(Engine):
         )
         return max(parts, key=lambda part: part[1])  # the first of equals
 
-    def _in_parts(self, work: Callable[[int, int], Any], lo: int, hi: int) -> list[Any]:
-        """work(a, b) for consecutive parts a .. b of lo .. hi, in order, on as many threads as pay.
-
-        Each thread takes the next part from one iterator until there are none left.
-        """
-        parts = min(_SHARES * self.threads, (hi - lo) // _LEAST)
+    def _in_parts(self, work: Callable[[int, int], Any], lo: int, hi: int, least: int = 1) -> list[Any]:
+        parts = min(_SHARES * self.threads, (hi - lo) // max(least, _LEAST))
         if self._pool is None or parts < 2:
             return [work(lo, hi)]
-        cuts = np.linspace(lo, hi, parts + 1).astype(np.int64).tolist()
-        results: list[Any] = [None] * parts
-        waiting = iter(enumerate(pairwise(cuts)))
+        ends = np.cumsum(np.arange(parts, 0, -1))  # ever shorter parts: threads end at about the same time
+        cuts = [lo, *(lo + (hi - lo) * ends // ends[-1]).tolist()]
+        return self._each(lambda cut: work(*cut), [cut for cut in pairwise(cuts) if cut[0] < cut[1]])
+
+    def _each(self, work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
+        """As in Engine; each thread takes the next item from one iterator until there are none left."""
+        if self._pool is None or len(items) < 2:
+            return list(map(work, items))
+        results: dict[int, _Result] = {}
+        waiting = iter(enumerate(items))
 
         def take() -> None:
-            for i, (a, b) in waiting:
-                results[i] = work(a, b)
+            for i, item in waiting:
+                results[i] = work(item)
 
-        others = [self._pool.submit(take) for _ in range(min(self.threads, parts) - 1)]
+        others = [self._pool.submit(take) for _ in range(min(self.threads, len(items)) - 1)]
         take()
         for other in others:
             other.result()
-        return results
+        return [results[i] for i in range(len(items))]

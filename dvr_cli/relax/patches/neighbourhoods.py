@@ -9,7 +9,6 @@ import numpy as np
 from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.mesh.csr import row_entries
 from dvr_cli.mesh.ranks import distinct
-from dvr_cli.mesh.rings import incidence_of
 from dvr_cli.relax.problem import Problem
 
 ROUND = 32  # patches at most, where nobody says how many
@@ -51,7 +50,7 @@ class Neighbourhoods:
         """problem: whose touched corners are meant. backend: what computes; the result is the same."""
         self._backend = backend
         self._touched, self._vertices = problem.touched, problem.rings.vertices
-        incidence = incidence_of(self._touched, self._vertices, len(problem.order), backend)
+        incidence = problem.incidence(backend)
         self._relaxed = incidence.members  # (C, d+1) relaxed vertices by number, or -1
         self._start, self._incident = incidence.start, incidence.corner
 

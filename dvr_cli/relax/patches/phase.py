@@ -38,6 +38,7 @@ def relax_patches(
     on_sweep: Callable[[Sweep], None] | None = None,
     interrupted: Callable[[], bool] = lambda: False,
     level: float | None = None,
+    known: np.ndarray | None = None,
 ) -> Relaxation:
     """Relax patches from where the engine is, the worst first, until the worst corner gains no more.
 
@@ -46,12 +47,13 @@ def relax_patches(
 
     A round of patches counts as a sweep. stopping: its target, max_iterations and time_limit hold. done: how
     many sweeps came before. on_sweep: called after each round. interrupted: asked before each patch; when
-    true the mesh reached is the result. Every intermediate mesh is valid and no worse.
+    true the mesh reached is the result. known: (C,) the qualities of corners where it begins, if they are
+    known. Every intermediate mesh is valid and no worse.
     """
     start = engine.now()
     if not engine.relaxes:
         return Relaxation(engine.points, [], StopReason.NOTHING_TO_RELAX)
-    state, rounds = _State(engine, level), engine.rounds()
+    state, rounds = _State(engine, level, known), engine.rounds()
     sweeps: list[Sweep] = []
 
     def time_is_up() -> bool:
@@ -70,7 +72,7 @@ def relax_patches(
         sweeps.append(Sweep(number, "patches", state.q1, solved.moved, seconds, below=state.below))
         if on_sweep is not None:
             on_sweep(sweeps[-1])
-    return Relaxation(engine.points, sweeps, reason)
+    return Relaxation(engine.points, sweeps, reason, state.quality)
 
 
 class _State:
@@ -81,12 +83,12 @@ class _State:
     patch is good enough.
     """
 
-    def __init__(self, engine: Engine, level: float | None) -> None:
+    def __init__(self, engine: Engine, level: float | None, known: np.ndarray | None) -> None:
         self._engine = engine
         d = engine.problem.dimension
         self._level = np.inf if level is None else level
         self.enough = 0.0 if level is None else badness_of(level * (1.0 + _BEYOND), d)
-        self.quality = engine.qualities()
+        self.quality = engine.qualities() if known is None else known
         count = engine.total(len(self.quality))
         paid = int(_SHARE * count)
         self._left = count if level is None else max(_LEAST, paid)
@@ -119,13 +121,12 @@ class _State:
     def _look(self) -> None:
         """Find the worst corners."""
         self._first = self._engine.first_of_lowest(self.quality)
-        may = self.layers <= LAYERS
         if self._level < np.inf:
-            among = (self.layers <= _AROUND_OTHERS) & (self._left > 0)
-            if self._first >= 0:
-                among[self._first] = True
-            may &= among & (self.quality < self._level)
-        worst = np.flatnonzero(may)
+            worst = np.flatnonzero(self.quality < self._level)
+            among = (self.layers[worst] <= _AROUND_OTHERS) & (self._left > 0)
+            worst = worst[among | (worst == self._first) & (self.layers[worst] <= LAYERS)]
+        else:
+            worst = np.flatnonzero(self.layers <= LAYERS)
         most = CANDIDATES * self.most
         if len(worst) > most:
             values = self.quality[worst]

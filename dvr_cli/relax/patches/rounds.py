@@ -111,6 +111,6 @@ class WholeRounds(Rounds):
             seeds=patches.seeds,
             badness=badness,
             corners=patches.corners,
-            quality=corner_qualities(points, touched.part(patches.corners), inverted=turned),
+            quality=corner_qualities(points, touched.part(patches.corners), engine.backend, turned),
             grown=np.repeat(grown, np.diff(patches.corner_start)),
         )

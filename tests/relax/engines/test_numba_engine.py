@@ -50,6 +50,7 @@ DIRECTIONS = ("random", "axis", "circumferential", "radial", "random,x,radial", 
 @pytest.fixture(autouse=True)
 def threads_however_small_the_mesh(monkeypatch):
     monkeypatch.setattr(numba_engine, "_LEAST", 1)
+    monkeypatch.setattr("dvr_cli.relax.engines.engine._LONG_PART", 1)
 
 
 def result(mesh, engine, sweeps=4, threads=1, straighten=False, **options):
