@@ -29,6 +29,7 @@ LAYERS = [
     "jit",
     "kept",
     "backend",
+    "beside",
     "options",
     "errors",
 ]

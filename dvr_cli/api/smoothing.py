@@ -18,6 +18,7 @@ from dvr_cli.api.phases import Run
 from dvr_cli.api.shapes import shaped
 from dvr_cli.api.unfolding import unfold_phase
 from dvr_cli.api.untangling import reference_quality, tangled_left, untangle_phase, untangles
+from dvr_cli.beside import beside
 from dvr_cli.errors import OutputError
 from dvr_cli.mesh.domain import Domain, is_surface
 from dvr_cli.mesh.mesh import Mesh
@@ -117,7 +118,8 @@ def _smoothed(
     domain = shapes.domain
     masks = options.selection.masks(mesh, domain)
     selected = np.logical_and.reduce([mesh.unlinked, ~shapes.held, *masks.values()])
-    bound = bound_of(domain, options.max_deviation)
+    may_walk = domain.is_surface or options.boundary == "project"
+    bound = bound_of(domain, options.max_deviation) if may_walk else 0.0
     how_far = bound if attempt.unfolds else None
     moves = moves_of(mesh, domain, options.boundary, selected, options.feature_angle, how_far)
     relaxed = moves.relaxed
@@ -128,14 +130,17 @@ def _smoothed(
     on_surface = domain.is_surface and options.is_free and options.takes_polish
     entries: list[Entry] = [_ON_SURFACES] if on_surface else options.entries
     field = direction_field(entries, domain, mesh.point_data, options.seed, options.center, options.axis)
-    before = measure(domain, mesh.points, relaxed, by_corner=shapes.own_quality)
-    untangling = untangles(options, domain, before)
+    threads = kind.threads(options.threads)
+    measured = partial(measure, domain, mesh.points, relaxed, by_corner=shapes.own_quality)
+    known = beside(threads, measured)
     start = time.perf_counter()
     start_points = moves.start(domain.points)
     parts = options.order, options.seed, kind.backend, moves.within, moves.parts
     corners = domain.corners if attempt.weight is None else weighted(domain.corners, attempt.weight)
     problem = build_problem(corners, relaxed, start_points, *parts)
     rounding = rounding_of(domain, mesh.points, relaxed, storage) if options.keeps_altitude else 0.0
+    before = known()
+    untangling = untangles(options, domain, before)
     mean: dict[int, float] = {}
     for share in _SHARES if moves.parts is not None else _SHARES[:1]:
         problem = problem.keeping_within(share * bound)
@@ -197,7 +202,7 @@ def _smoothed(
     if ended and not has_nothing_to_gain(after, np.array_equal(points, mesh.points)):
         mends = left["elements"] > left["hopeless"] and not untangling
         shape = None
-        if domain.is_surface or options.boundary == "project":
+        if may_walk:
             where = mesh, replace(domain, points=start_points), moves, selected, options.feature_angle
             shape = partial(held_by_shape, *where, engine.part_of_limit, bound)
         boundary = freer(mesh, domain, options.boundary, selected, options.feature_angle)
@@ -253,7 +258,7 @@ def _result(
         reached = measure(domain, points, relaxed)
         if is_worse(reached, reference) or (keeps_altitude and lowers_altitude(reached, reference)):
             points, run.stopped_because = mesh.points.copy(), StopReason.ROUNDING
-    measured = partial(measure, domain, relaxed=relaxed, inverted=run.inverted)
+    measured = partial(measure, domain, relaxed=relaxed, inverted=run.inverted, threads=run.threads)
     before = mesh.points if keeps_altitude else None
     return _stored_result(measured, points, reference, storage, before)
 

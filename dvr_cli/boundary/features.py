@@ -21,6 +21,7 @@ from dvr_cli.boundary.constraints import EXACT, Constraints, edges_of
 from dvr_cli.boundary.freedom import Freedom, unit
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.facets import numbered
+from dvr_cli.mesh.ranks import distinct
 
 _FLAT = 1e-6  # radians; a ridge less sharp than this is none, but its vertices are not in one plane either
 
@@ -112,7 +113,9 @@ class _Star:
         sign = np.where(turned & self.two_sided[facet], -1.0, 1.0)[:, None]
         total = np.zeros((n_points, 3))
         np.add.at(total, vertex, sign * self.area[facet])
-        mean = unit(total)
+        mean = np.zeros_like(total)
+        around = distinct(vertex)
+        mean[around] = unit(total[around])
         off = _length(sign * self.normal[facet] - mean[vertex]) > self.limit[facet]
         flat = np.zeros(n_points, dtype=bool)
         flat[vertex] = True

@@ -183,16 +183,22 @@ def corners_of(blocks: list[Cells], dimension: int) -> Corners:
         if relaxed_dimension(block.type) != dimension:
             raise InputError(f"cells of type {block.type!r} cannot be relaxed in {dimension}D")
         cell_type = CELL_TYPES[block.type]
-        local = np.array(cell_type.corners)
-        of_cells = np.take(block.vertices, local, axis=1)  # in order of the rows, unlike an index
-        vertices.append(of_cells.reshape(-1, dimension + 1).astype(np.int32, copy=False))
+        local, of_cells = np.array(cell_type.corners), block.vertices
+        if not cell_type.is_simplex:
+            of_cells = np.take(of_cells, local, axis=1)  # in order of the rows, unlike an index
+        vertices.append(np.ascontiguousarray(of_cells.reshape(-1, dimension + 1), dtype=np.int32))
         shapes.append(np.tile(corner_shapes(cell_type), (len(block.vertices), 1)))
         counts.append(np.full(len(block.vertices), len(local)))
     start = np.concatenate([[0], np.cumsum(np.concatenate([np.empty(0, np.int64), *counts]))])
     empty = np.empty((0, dimension + 1))
     return Corners(
-        vertices=np.concatenate(vertices) if vertices else empty.astype(np.int32),
-        shapes=np.concatenate(shapes) if shapes else empty.astype(np.int32),
+        vertices=_joined(vertices) if vertices else empty.astype(np.int32),
+        shapes=_joined(shapes) if shapes else empty.astype(np.int32),
         table=SHAPES[dimension],
         start=start.astype(np.int64),
     )
+
+
+def _joined(arrays: list[np.ndarray]) -> np.ndarray:
+    """The arrays one after the other; a single one is not copied."""
+    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)

@@ -96,7 +96,7 @@ class Domain:
         """
         here = np.zeros(len(self.points), dtype=bool)
         here[vertices] = True
-        near = [here[block.vertices].any(axis=1) for block in self.cells]
+        near = [np.logical_or.reduce([here[v] for v in block.vertices.T]) for block in self.cells]
         cells = [Cells(b.type, b.vertices[mask]) for b, mask in zip(self.cells, near, strict=True)]
         kept = np.concatenate(near)
         return replace(
@@ -106,6 +106,7 @@ class Domain:
             corners=corners_of(cells, self.dimension),
             region=self.region[kept],
             curved=(),
+            backend=NUMPY,  # few cells are not worth a kernel
         )
 
     def flatten(self, points: np.ndarray) -> np.ndarray:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from dvr_cli.beside import beside
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.quality.mean_ratio import DEGENERATE, cell_normals, corner_qualities, mean_quality, turned_over
@@ -72,14 +74,16 @@ def measure(
     worst: int = 10,
     inverted: np.ndarray | None = None,
     by_corner: np.ndarray | None = None,
+    threads: int = 1,
 ) -> Quality:
     """The quality of a domain with coordinates ``points`` (given as its mesh gives them).
 
     relaxed: (m,) indices of the relaxed vertices. worst: how many of the worst elements to list. inverted:
     (C,) bool, the corners of a surface that are turned over; by default those that are in their own cell.
-    by_corner: (C,) the quality of each corner, where it is known.
+    by_corner: (C,) the quality of each corner, where it is known. threads: how many to use at most.
     """
     flat = domain.flatten(points)
+    others = beside(threads, partial(measured, domain, flat))
     corners = domain.corners
     if by_corner is None:
         by_corner = _by_corner(domain, flat, inverted)
@@ -103,7 +107,7 @@ def measure(
         inverted=int(turned.sum()),
         uncertain=int((~turned[unclear]).sum()),
         degenerate=int(((np.abs(elements) <= DEGENERATE) & ~turned).sum()),
-        measures=measured(domain, flat),
+        measures=others(),
         histogram=histogram(ascending),
         worst=_worst(domain, points, elements, ascending[:worst]),
         vector=minima[order],

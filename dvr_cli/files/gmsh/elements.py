@@ -47,7 +47,11 @@ def join_consecutive(blocks: list[Elements]) -> list[Elements]:
 
 
 def _join(blocks: list[Elements]) -> Elements:
-    """Join blocks of one type."""
+    """Join blocks of one type; a single one is not copied where it can be helped."""
+    if len(blocks) == 1:
+        (block,) = blocks
+        tags = (part.astype(np.int32, copy=False) for part in (block.geometrical, block.physical))
+        return Elements(block.code, block.numbers.astype(np.int64, copy=False), block.nodes, *tags)
     groups = max(block.physical.shape[1] for block in blocks)
     return Elements(
         blocks[0].code,

@@ -38,15 +38,17 @@ def make_mesh(
     """
     index = TagIndex(nodes.tags)
     blocks = [_with_indices(block, index) for block in join_consecutive(elements)]
-    numbers = np.concatenate([np.empty(0, np.int64), *(block.numbers for block in blocks)])
-    cell = np.arange(len(numbers))
+    given = blocks
+    cell: np.ndarray | None = None
     if repeated:
         blocks, cell = merge_repeated(blocks)
     cell_data = _group_data(blocks)
     ends = np.cumsum([len(block.numbers) for block in blocks], dtype=np.int64)
     on_cells = [view for view in views if not view.on_nodes]
     if on_cells and blocks:
-        fields = _fields(on_cells, TagIndex(numbers), cell, int(ends[-1]))
+        numbers = np.concatenate([block.numbers for block in given])
+        position = np.arange(len(numbers)) if cell is None else cell
+        fields = _fields(on_cells, TagIndex(numbers), position, int(ends[-1]))
         cell_data = {name: np.split(values, ends[:-1]) for name, values in fields.items()} | cell_data
     count = len(nodes.tags)
     pairs = index.find(periodic)
@@ -55,7 +57,7 @@ def make_mesh(
         cells=[_cells(block) for block in blocks],
         cell_data=cell_data,
         point_data=_fields([view for view in views if view.on_nodes], index, np.arange(count), count),
-        field_data=field_data(names),
+        field_data=_field_data(names),
         entities=nodes.entities,
         periodic=pairs[(pairs >= 0).all(axis=1)].astype(np.int64),
     )
@@ -122,7 +124,7 @@ def _fields(views: list[View], index: TagIndex, position: np.ndarray, size: int)
     return fields
 
 
-def field_data(names: list[tuple[str, int, int]]) -> dict[str, np.ndarray]:
+def _field_data(names: list[tuple[str, int, int]]) -> dict[str, np.ndarray]:
     groups: dict[str, np.ndarray] = {}
     for name, tag, dimension in names:
         key = f"{name} (dim {dimension}, tag {tag})" if name in groups else name
