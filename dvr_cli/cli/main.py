@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -40,6 +42,7 @@ def _run(arguments: list[str]) -> int:
             return DONE
         # nothing here is worth BLAS threads, and starting them is a third of the time to import numpy
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        atexit.register(gc.freeze)  # else the process ends with a long look for garbage
         from dvr_cli.cli.app import run
 
         return run(arguments)
