@@ -17,13 +17,16 @@ from threading import Lock
 from types import FunctionType, MappingProxyType, ModuleType
 from typing import Any, TypeVar, cast
 
+from llvmlite.binding import add_symbol, parse_bitcode
 from numba import config, njit, types
 from numba.core import cgutils
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
+from numba.core.runtime.nrt import _nrt
 from numba.extending import intrinsic
 
 from dvr_cli.kept import last_change
@@ -35,6 +38,8 @@ def _load_without_blas() -> None:
     That takes as long as half a short run, and 16 MB. Nothing here calls it; for functions of others that
     do, numba loads it then.
     """
+    if find_spec("scipy") is None or "numba.np.arraymath" in sys.modules:
+        return
     from numba.np import linalg
 
     find = linalg.ensure_blas
@@ -46,8 +51,6 @@ def _load_without_blas() -> None:
     arraymath.ensure_blas = find
 
 
-if find_spec("scipy") is not None and "numba.np.arraymath" not in sys.modules:
-    _load_without_blas()
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Kind = tuple[bool, bool, bool]  # of a mesh: planar, measured, on a surface
 # IEEE arithmetic as written: nothing fused or reassociated, division by zero as in NumPy. No entry point for
@@ -73,12 +76,11 @@ def compiled(function: _Function, **options: Any) -> _Function:
     """``function`` compiled when first called; it may be a plain loop over arrays."""
     options |= _OPTIONS
     options |= {"pipeline_class": _KernelCompiler}
-    try:
-        made = njit(cache=True, **options)(function)
-    except RuntimeError:  # no directory to keep the result in: compile it anew in every process
-        return njit(**options)(function)
-    if hasattr(made, "stats"):  # it is the function itself when numba is told to run Python
-        forget_outdated(made.stats.cache_path)
+    made = njit(**options)(function)
+    if isinstance(made, Dispatcher):  # it is the function itself when numba is told to run Python
+        with suppress(RuntimeError):  # no directory to keep the result in: compile it anew in every process
+            cast(Any, made)._cache = _KernelCache(function)
+            forget_outdated(made.stats.cache_path)
     return made
 
 
@@ -188,6 +190,85 @@ def _of_kind(value: Any, kind: _Kind) -> Any:
     return _parts[function, kind]
 
 
+class _LoadedLibrary(JITCodeLibrary):
+    """The code of a kernel that was kept on disk, of which the machine code is loaded at once.
+
+    numba's own reads all of the bitcode, too, which only other kernels need that link it.
+    """
+
+    def __init__(self, codegen: Any, name: str, machine_code: bytes, bitcode: bytes) -> None:
+        super().__init__(codegen, name)
+        self._bitcode = bitcode
+        self.enable_object_caching()
+        self._set_compiled_object(machine_code)
+        self._finalize_final_module()
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """The address of the function by which Python calls the kernel."""
+        return int(self._codegen._engine.get_function_address(name))
+
+    def _get_module_for_linking(self) -> Any:
+        if self._shared_module is None:
+            self._shared_module = parse_bitcode(self._bitcode)
+        return self._shared_module
+
+
+class _KernelCacheImpl(CompileResultCacheImpl):
+    """What is kept of a kernel: what numba keeps, but for environments of parts that hold nothing.
+
+    Nothing looks into these; to make them, modules of numba would be imported that only compile.
+    """
+
+    def reduce(self, result: CompileResult) -> Any:
+        """What to keep of a kernel."""
+        *fields, environments = super().reduce(result)
+        return *fields, tuple(each for each in environments if each.consts)
+
+    def rebuild(self, target_context: Any, payload: Any) -> CompileResult:
+        """The kernel, of which no bitcode is read."""
+        code, fndesc, environment, signature, *_, reload_init, environments = payload
+        name, _, (machine_code, bitcode) = code
+        for initialise in reload_init:
+            initialise()
+        _name_helpers()
+        codegen = target_context.codegen()
+        library = _LoadedLibrary(codegen, name, machine_code, bitcode)
+        entry = target_context.get_executable(library, fndesc, environment)
+        for each in environments:
+            codegen.set_env(each.env_name, each)
+        fields = dict.fromkeys(CompileResult._fields) | {
+            "target_context": target_context,
+            "typing_context": target_context.typing_context,
+            "library": library,
+            "environment": environment,
+            "entry_point": entry,
+            "fndesc": fndesc,
+            "signature": signature,
+            "objectmode": False,
+            "reload_init": reload_init,
+            "referenced_envs": environments,
+        }
+        return CompileResult(**fields)
+
+
+class _KernelCache(FunctionCache):
+    """numba's cache, which loads without a look through all that numba knows: only compiling needs one."""
+
+    _impl_class = _KernelCacheImpl
+
+    def load_overload(self, signature: Any, target_context: Any) -> CompileResult | None:
+        """The kernel for a signature, or None if it has to be compiled."""
+        with self._guard_against_spurious_io_errors():
+            return cast("CompileResult | None", self._load_overload(signature, target_context))
+
+
+@cache
+def _name_helpers() -> None:
+    """Name to the linker the functions in C that count references, as numba does before it compiles."""
+    for name, address in _nrt.c_helpers.items():
+        add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
+
+
 class _Part(CPUDispatcher):
     """A function that only kernels call."""
 
@@ -258,6 +339,10 @@ def _is_known(function: Any, args: Sequence[Any]) -> bool:
 
 class _KernelCompiler(Compiler):
     """numba's compiler, with a memory."""
+
+    def __init__(self, *args: Any) -> None:
+        _load_without_blas()
+        super().__init__(*args)
 
     def _compile_core(self) -> Any:
         with _remembering(self.state.typingctx):

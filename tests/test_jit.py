@@ -1,4 +1,6 @@
-"""The compiler as this package sets it up leaves numba as it is for others in the process."""
+"""The compiler as this package sets it up: what it keeps, and numba as it is for others in the process."""
+
+from types import FunctionType
 
 import numpy as np
 import pytest
@@ -7,6 +9,8 @@ from needs import require
 
 numba = require("numba")
 
+from numba.core.caching import FunctionCache  # noqa: E402
+from numba.core.codegen import JITCodeLibrary  # noqa: E402
 from numba.core.registry import cpu_target  # noqa: E402
 
 from dvr_cli import jit  # noqa: E402
@@ -54,3 +58,44 @@ def test_an_error_of_the_compiler_leaves_nothing_behind():
     with pytest.raises(numba.TypingError):
         compiled(joined)(np.ones((2, 2)))
     assert "resolve_function_type" not in vars(cpu_target.typing_context)
+
+
+def doubled(values):
+    """A kernel that makes an array."""
+    return 2.0 * values
+
+
+def doubled_and_one(values):
+    """A kernel that calls another."""
+    return doubled(values) + 1.0
+
+
+def hits(kernel):
+    """How often a kernel was found on disk."""
+    return sum(kernel.stats.cache_hits.values())
+
+
+def test_kernels_from_disk_run_and_are_linked_into_others(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    values = np.arange(3.0)
+    for found in (0, 1):
+        kernel = jit.compiled(doubled)
+        assert kernel(values).tolist() == [0.0, 2.0, 4.0]
+        assert hits(kernel) == found
+    for found in (0, 1):
+        names = {**globals(), "doubled": kernel}  # the one from disk
+        calling = jit.compiled(FunctionType(doubled_and_one.__code__, names, "doubled_and_one"))
+        assert calling(values).tolist() == [1.0, 3.0, 5.0]
+        assert hits(calling) == found
+
+
+def test_functions_of_others_are_compiled_and_kept_by_numba_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    for _ in range(2):
+        jit.compiled(doubled)(np.arange(3.0))
+    for found in (0, 1):
+        theirs = numba.njit(cache=True)(summed)
+        assert type(theirs._cache) is FunctionCache
+        assert theirs(np.ones((9, 2))) == summed(np.ones((9, 2)))
+        assert hits(theirs) == found
+        assert type(theirs.overloads[theirs.signatures[0]].library) is JITCodeLibrary
