@@ -293,48 +293,46 @@ class _PartLibrary(JITCodeLibrary):
 
 
 @contextmanager
-def _remembering(context: Any) -> Iterator[None]:
-    """Let a typing context remember, while kernels are compiled, what operators make of numbers and arrays.
+def _remembering() -> Iterator[None]:
+    """Let numba remember, while kernels are compiled, what operators make of numbers and arrays.
 
-    numba tries all that an operator may mean anew for each sum and each element of an array, which takes a
-    fifth of the time. Nobody else compiles meanwhile, as the compiler is locked.
+    It tries all that an operator may mean anew for each sum and each element of an array, for its type and
+    for its code, which takes a third of the time. Nobody else compiles meanwhile, as the compiler is locked.
     """
-    if "resolve_function_type" in vars(context):  # for a kernel that calls this one
+    if "get_call_type" in vars(types.Function):  # for a kernel that calls this one
         yield
         return
-    resolved = context.resolve_function_type
+    resolved = types.Function.get_call_type
 
-    def resolve_function_type(function: Any, args: Any, kws: Any) -> Any:
+    def get_call_type(function: Any, context: Any, args: Any, kws: Any) -> Any:
         key = function, tuple(args)
         if kws or not _is_known(*key):
-            return resolved(function, args, kws)
+            return resolved(function, context, args, kws)
         if key not in _SIGNATURES:
-            signature = resolved(function, args, kws)
-            if signature is None:
-                return None
-            _SIGNATURES[key] = signature
+            _SIGNATURES[key] = resolved(function, context, args, kws)
         return _SIGNATURES[key]
 
-    context.resolve_function_type = resolve_function_type
+    types.Function.get_call_type = get_call_type
     try:
         yield
     finally:
-        del context.resolve_function_type
+        del types.Function.get_call_type
 
 
 _SIGNATURES: dict[tuple[Any, Sequence[Any]], Any] = {}  # by operator and types of arguments
 
 
 def _is_known(function: Any, args: Sequence[Any]) -> bool:
-    """True for operators on numbers, and on elements of arrays, which numba knows without compiling."""
-    if not isinstance(function, types.Function):
-        return False
+    """True for operators on numbers, and on parts of arrays, which numba knows without compiling."""
     operator: Any = function.typing_key
-    if operator in (getitem, setitem) and args and isinstance(args[0], types.Array):
+    if operator in (getitem, setitem) and args and isinstance(args[0], types.Array | types.BaseTuple):
         args = *getattr(args[1], "types", args[1:2]), *args[2:]  # a tuple has one type a place
     elif operator is not bool and getattr(operator, "__module__", None) != getitem.__module__:
         return False
-    return all(isinstance(arg, (types.Number, types.Literal, types.Boolean)) for arg in args)
+    return all(isinstance(arg, _SIMPLE) for arg in args)
+
+
+_SIMPLE = types.Number, types.Literal, types.Boolean, types.SliceType
 
 
 class _KernelCompiler(Compiler):
@@ -345,7 +343,7 @@ class _KernelCompiler(Compiler):
         super().__init__(*args)
 
     def _compile_core(self) -> Any:
-        with _remembering(self.state.typingctx):
+        with _remembering():
             return super()._compile_core()
 
 

@@ -11,7 +11,7 @@ numba = require("numba")
 
 from numba.core.caching import FunctionCache  # noqa: E402
 from numba.core.codegen import JITCodeLibrary  # noqa: E402
-from numba.core.registry import cpu_target  # noqa: E402
+from numba.core.types.functions import BaseFunction  # noqa: E402
 
 from dvr_cli import jit  # noqa: E402
 
@@ -36,28 +36,28 @@ def joined(values):
 
 
 def test_operators_are_remembered_while_kernels_are_compiled_and_no_longer(monkeypatch):
-    context, asked = cpu_target.typing_context, []
-    resolved = type(context).resolve_function_type
+    asked = []
+    resolved = BaseFunction.get_call_type
 
-    def counted(self, function, args, kws):
-        asked.append((function, tuple(args)))
-        return resolved(self, function, args, kws)
+    def counted(self, context, args, kws):
+        asked.append((self, tuple(args)))
+        return resolved(self, context, args, kws)
 
-    monkeypatch.setattr(type(context), "resolve_function_type", counted)
+    monkeypatch.setattr(BaseFunction, "get_call_type", counted)
     values = np.random.default_rng(1).random((9, 2))
     jit._SIGNATURES.clear()
     assert compiled(summed)(values) == summed(values)
-    assert "resolve_function_type" not in vars(context)
+    assert "get_call_type" not in vars(numba.types.Function)
     operators = [(function, args) for function, args in asked if jit._is_known(function, args)]
     assert len(operators) == len(set(operators)) == len(jit._SIGNATURES) > 5
-    compiled(lambda values: values[0, 0] * values[0, 1] > 0.5)(values)
+    compiled(summed)(values)
     assert len([one for one in asked if jit._is_known(*one)]) == len(operators)  # they were known
 
 
 def test_an_error_of_the_compiler_leaves_nothing_behind():
     with pytest.raises(numba.TypingError):
         compiled(joined)(np.ones((2, 2)))
-    assert "resolve_function_type" not in vars(cpu_target.typing_context)
+    assert "get_call_type" not in vars(numba.types.Function)
 
 
 def doubled(values):
