@@ -214,13 +214,13 @@ class _LoadedLibrary(JITCodeLibrary):
 
 
 class _KernelCacheImpl(CompileResultCacheImpl):
-    """What is kept of a kernel: what numba keeps, but for environments of parts that hold nothing.
+    """Keeps of a kernel what numba keeps, but for environments of parts that hold nothing.
 
     Nothing looks into these; to make them, modules of numba would be imported that only compile.
     """
 
     def reduce(self, result: CompileResult) -> Any:
-        """What to keep of a kernel."""
+        """The parts of a kernel that are kept."""
         *fields, environments = super().reduce(result)
         return *fields, tuple(each for each in environments if each.consts)
 
