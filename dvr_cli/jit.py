@@ -299,10 +299,11 @@ def _remembering() -> Iterator[None]:
     It tries all that an operator may mean anew for each sum and each element of an array, for its type and
     for its code, which takes a third of the time. Nobody else compiles meanwhile, as the compiler is locked.
     """
-    if "get_call_type" in vars(types.Function):  # for a kernel that calls this one
+    kind: Any = types.Function
+    if "get_call_type" in vars(kind):  # for a kernel that calls this one
         yield
         return
-    resolved = types.Function.get_call_type
+    resolved = kind.get_call_type
 
     def get_call_type(function: Any, context: Any, args: Any, kws: Any) -> Any:
         key = function, tuple(args)
@@ -312,11 +313,11 @@ def _remembering() -> Iterator[None]:
             _SIGNATURES[key] = resolved(function, context, args, kws)
         return _SIGNATURES[key]
 
-    types.Function.get_call_type = get_call_type
+    kind.get_call_type = get_call_type
     try:
         yield
     finally:
-        del types.Function.get_call_type
+        del kind.get_call_type
 
 
 _SIGNATURES: dict[tuple[Any, Sequence[Any]], Any] = {}  # by operator and types of arguments
