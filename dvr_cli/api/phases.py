@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from dvr_cli.api.altitudes import altitude_bound
 from dvr_cli.api.boundary import Moves, change_of
 from dvr_cli.api.options import SmoothOptions
+from dvr_cli.beside import beside
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.relax.care import Care
 from dvr_cli.relax.directions import DirectionField, restrict_field
@@ -98,9 +100,11 @@ class Run:
         """Lower the price of all elements, and find the level of care; see ``relax.descent``."""
         from dvr_cli.relax.descent import descend
 
-        hooks = self._on_sweep, self._interrupted
+        hooks, engine = (self._on_sweep, self._interrupted), self._engine
+        if engine.has_coordinates:
+            beside(engine.threads, partial(engine.problem.incidence, engine.backend))  # for phases to come
         self._load()
-        descent = descend(self._engine, self._remaining(), *hooks, self._qualities)
+        descent = descend(engine, self._remaining(), *hooks, self._qualities)
         self._take_over(descent.outcome)
         ended = descent.outcome.stopped_because
         self.phases.append(PolishPhase("descent", len(descent.outcome.sweeps), ended, descent.floor))

@@ -116,12 +116,9 @@ def _run_here(
     from dvr_cli.files import writing
     from dvr_cli.files.reading import open_mesh
     from dvr_cli.quality.measure import cell_field
-    from dvr_cli.relax.engines.choice import load_meanwhile
 
     source, output, report = paths
     measure, field = given["measure"], given["quality_field"]
-    size = source.stat().st_size if source.is_file() else 0
-    load_meanwhile(given["engine"], size, given["threads"])
     opened = open_mesh(source, given["input_format"], given["mesh"])
     name = (measure or "quality") if field else None
     destination = writing.Output(opened, output, given["output_format"], name)

@@ -6,14 +6,12 @@ import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
 from dvr_cli.backend import COMPILED, NUMPY, Backend
-from dvr_cli.beside import beside
 from dvr_cli.errors import UsageError
 from dvr_cli.kept import may_be_kept
 from dvr_cli.relax.engines.engine import Engine
@@ -48,7 +46,6 @@ _KERNELS = {
     ),
 }
 _REPAYS_STARTING = 600_000  # the same where another process compiles them meanwhile
-_LARGE = 4_000_000  # bytes of a file that takes so long to read that something else may be loaded meanwhile
 _WALK = 500  # updates of NumPy that one on a curved boundary or surface costs as much as
 _WALKS_MEANWHILE = 20_000  # vertices that walk at most while another process compiles: a batch has to end
 
@@ -184,16 +181,6 @@ def choose_engine(
         package = KINDS[name].package
         raise UsageError(f"engine {name}: {package} is not installed (pip install 'dvr-cli[fast]')")
     return KINDS[name]
-
-
-def load_meanwhile(name: str, size: int, threads: int | None) -> None:
-    """Begin to load the compiled engine while a file of so many bytes is read, where it is likely to be used.
-
-    name: of the engine, as ``choose_engine`` takes it; threads: see ``thread_count``.
-    """
-    likely = name in ("auto", "numba") and size > _LARGE and thread_count(threads) > 1 and has_numba()
-    if likely and _are_compiled([".", "patches"], planar=False, measured=False):
-        beside(2, partial(import_module, KINDS["numba"].maker[0]))
 
 
 def thread_count(threads: int | None) -> int:
