@@ -89,6 +89,28 @@ def wavy(
     return Mesh(points, [Cells("triangle", cells.astype(np.int64))])
 
 
+def tube(twist: float, layers: int = 1, noise: float = 0.0, seed: int = 0, around: int = 24) -> Mesh:
+    """A tube of tetrahedra whose outer wall is turned against the inner one, by up to ``twist`` cells.
+
+    Its walls have radii 1 and 0.8. noise: part of that by which each outer vertex is astray.
+    """
+    rng = np.random.default_rng(seed)
+    rows = 8
+    i, j, k = (index.ravel() for index in np.indices((around, rows + 1, layers + 1)))
+    z, outer = 2.0 * j / rows, (k == layers) & (j > 0) & (j < rows)
+    turn = twist * np.exp(-(((z - 1) / 0.5) ** 2)) * (1 + noise * rng.standard_normal(len(z)))
+    angle = 2 * np.pi / around * (i + np.where(outer, turn, 0.0))
+    radius = 0.8 + 0.2 * k / layers
+    boxes = np.indices((around, rows, layers)).reshape(3, -1)
+    at = [
+        (((boxes[0] + a) % around * (rows + 1) + boxes[1] + b) * (layers + 1) + boxes[2] + c)
+        for c, b, a in np.ndindex(2, 2, 2)
+    ]
+    cut = np.array([(0, 1, 3, 7), (0, 3, 2, 7), (0, 2, 6, 7), (0, 6, 4, 7), (0, 4, 5, 7), (0, 5, 1, 7)])
+    cells = np.stack(at, axis=1)[:, cut].reshape(-1, 4)
+    return Mesh(np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z]), [Cells("tetra", cells)])
+
+
 def skin(mesh: Mesh) -> np.ndarray:
     """The boundary triangles of a tetrahedral mesh, or all triangles of a surface."""
     cells = mesh.cells[0].vertices

@@ -92,8 +92,9 @@ class Run:
         """Make inverted elements positive."""
         from dvr_cli.relax.untangle.phase import untangle
 
-        corners, freedom = self._domain.corners, self._moves.freedom
-        self.untangling = untangle(self.points, corners, freedom, self._time_is_up)
+        engine = None if self._moves.parts is None else self._engine
+        how = self._domain.corners, self._moves.freedom, self._time_is_up
+        self.untangling = untangle(self.points, *how, engine=engine)
         self.points = self.untangling.points
 
     def descend(self) -> None:
@@ -143,7 +144,8 @@ class Run:
         """Give the engine the coordinates with which the phases after untangling begin."""
         if self._begin is None:
             self._begin = self.points
-            self._engine.load(self.points)
+            if self.untangling is None or not self.untangling.walked:
+                self._engine.load(self.points)
             if self._options.keeps_altitude:
                 self._engine.keep_altitude(altitude_bound(self._domain, self.points, self._rounding))
             if self._options.takes_polish and self._engine.batches:

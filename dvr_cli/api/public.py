@@ -47,6 +47,11 @@ def smooth(
     return _smooth(mesh, cells, SmoothOptions.of(options))
 
 
+# the options of ``untangle``
+_UNTANGLE: tuple[str, ...] = ("boundary", "feature_angle", "fix", "max_deviation", "metric", "regions")
+_UNTANGLE += ("shape", "straighten", "time_limit")
+
+
 def untangle(
     mesh: Any,
     cells: CellArrays = None,
@@ -56,8 +61,8 @@ def untangle(
 
     mesh, cells, and what is returned and raised: as for ``smooth``, whose ``untangle`` does the same before
     relaxing. Only vertices near inverted elements move; the result never has more inverted elements than the
-    input, and a mesh without any comes back as it is. options: boundary, fix, metric, regions, shape,
-    straighten, time_limit.
+    input, and a mesh without any comes back as it is. options: boundary, feature_angle, fix, max_deviation,
+    metric, regions, shape, straighten, time_limit.
 
     >>> import numpy as np, dvr_cli
     >>> points = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [1.5, 0.9]])
@@ -66,7 +71,7 @@ def untangle(
     >>> report.before.inverted, report.after.inverted
     (1, 0)
     """
-    check_names(options, ("boundary", "fix", "metric", "regions", "shape", "straighten", "time_limit"))
+    check_names(options, _UNTANGLE)
     given = {"shape": default("shape", "untangle"), **options}
     return _smooth(mesh, cells, SmoothOptions.of(given, untangle=True, max_iterations=0))
 

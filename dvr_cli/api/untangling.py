@@ -55,7 +55,7 @@ def tangled_left(domain: Domain, moves: Moves, points: np.ndarray, after: Qualit
         return dict.fromkeys(TANGLED, 0)
     from dvr_cli.relax.untangle.causes import tangled_elements
 
-    return tangled_elements(domain.flatten(points), domain, moves.freedom)
+    return tangled_elements(domain.flatten(points), domain, moves.within)
 
 
 def reference_quality(untangled: Quality, before: Quality) -> Quality:

@@ -24,7 +24,7 @@ def untangle(
     output: Annotated[Path, typer.Argument(metavar="OUT", help="The file to write; - for stdout.")],
     **given: Any,
 ) -> int:
-    """Move interior vertices so that inverted elements become positive, and leave it at that.
+    """Move vertices so that inverted elements become positive, and leave it at that.
 
     Only vertices near inverted elements move. Where elements stay inverted this is said, with places and, if
     known, reasons; there are never more of them than before. 'dvr smooth --untangle' goes on to improve the

@@ -24,13 +24,6 @@ FREEDOM = (
         " lines and planes, so that every region and group keeps its shape, or move along curved ones "
         "too, on those of IN. Vertices of surfaces in space always do.",
         ("smooth", "untangle"),
-        variants={
-            "untangle": Variant(
-                names=("fixed", "slide"),
-                help="Whether vertices of the boundary, of interfaces and of embedded cells stay or slide "
-                "along straight lines and planes.",
-            )
-        },
         recorded=True,
         panel="Boundary and regions",
     ),
@@ -40,7 +33,7 @@ FREEDOM = (
         30.0,
         "Where a curved boundary turns by more than this it is a feature: its vertices stay on the "
         "feature's curve, those of its corners in place.",
-        SMOOTH,
+        ("smooth", "untangle"),
         "DEG",
         recorded=True,
         panel="Boundary and regions",
@@ -51,7 +44,7 @@ FREEDOM = (
         None,
         "How far a curved boundary may come from that of IN, measured from both; default: 1e-3 of the "
         "diagonal of the bounding box.",
-        SMOOTH,
+        ("smooth", "untangle"),
         "D",
         recorded=True,
         panel="Boundary and regions",

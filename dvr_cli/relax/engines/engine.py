@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from functools import partial, reduce
+from functools import cached_property, partial, reduce
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -386,9 +386,7 @@ class Engine(ABC):
         from dvr_cli.relax.surface.joint import move_jointly
 
         find, move = self.backend.twin(find_moves), self.backend.twin(move_jointly)
-        walk, ring = self._walkers(carriers, standing), np.full(len(points), -1)
-        ring[self.problem.rings.vertices] = np.arange(len(self.problem.rings.vertices))
-
+        walk, ring = self._walkers(carriers, standing), self._ring_of
         rules = carriers.limit, float(self.altitude), self._largest_ring
 
         def attempt(patch: Patch) -> tuple[float, float]:
@@ -406,6 +404,30 @@ class Engine(ABC):
             return attempt(free)
 
         return solve
+
+    def go_jointly(self, vertices: np.ndarray, moves: np.ndarray) -> None:
+        """Move relaxed vertices ((n,) in the problem's numbering) together by ``moves`` (n, d).
+
+        Those that walk go from facet to facet. Each goes as far as the rules for boundaries let it; qualities
+        and altitudes are not looked at.
+        """
+        carriers, standing = self.problem.carriers, self._standing
+        if carriers is None or standing is None:
+            raise ValueError("no vertex walks here")
+        from dvr_cli.relax.surface.joint import go_jointly
+
+        slot = np.full(len(self.problem.order), -1, dtype=np.int32)
+        slot[vertices] = np.arange(len(vertices))
+        walk = self._walkers(carriers, standing)
+        self.backend.twin(go_jointly)(walk, self._ring_of[vertices], moves, slot, carriers.limit)
+
+    @cached_property
+    def _ring_of(self) -> np.ndarray:
+        """(N,) the ring of each vertex of the problem, -1 for those that are not relaxed."""
+        vertices = self.problem.rings.vertices
+        ring = np.full(len(self.problem.order), -1)
+        ring[vertices] = np.arange(len(vertices))
+        return ring
 
     def tangents(self, vertices: np.ndarray) -> tuple[np.ndarray, Freedom]:
         """Those of the vertices ((n,) in the problem's numbering) that walk, and how they begin to.

@@ -6,6 +6,9 @@ rings of the patch are evaluated: the vertices stay there if the patch's smalles
 altitude is below the bound, no triangle of a surface has turned over, and the mesh is nowhere farther from
 the input than the limit. Else the move is tried again, shorter.
 
+Untangling moves many vertices at once, in rings that are not positive yet. There each goes its way as well,
+and what comes too far from the input, or turns a facet of the boundary over, goes a shorter way by itself.
+
 A point of an edge or triangle moves no farther than the farthest of its vertices does, so bounds on the
 distance grow by that at most, as in ``overlay``, until they have to be found anew.
 
@@ -26,6 +29,7 @@ from dvr_cli.relax.surface.strides import CROSSINGS, along_carrier, cross, go, g
 from dvr_cli.relax.surface.walk import Walk, keeps_altitude, lay_out, side
 
 _TRIES = 6  # moves tried, each half as long as the one before
+_STOPS = 64  # and then with those staying that are at fault, and again: what is beside them may be next
 _STILL = (0.0, 0.0, 0.0)
 
 
@@ -48,38 +52,91 @@ def move_jointly(
     Returns the largest badness of the patch before and after, the same if nothing moved.
     """
     walk, chosen, moves, slot = bare(walk), bare(chosen), bare(moves), bare(slot)
-    points, vertices, standing = walk.points, walk.rings.vertices, walk.standing
-    n, components = len(chosen), points.shape[1]
+    points, vertices, n = walk.points, walk.rings.vertices, len(chosen)
     scratch = new_scratch(largest_ring)
     before = _largest(walk, chosen, 0.0, scratch)
     if before == np.inf:
         return before, before
     start, uw, stood, far = np.zeros((n, 3)), np.empty((n, 2)), np.empty(n, np.int64), np.empty(n)
     for i in range(n):
-        vertex = vertices[chosen[i]]
-        for j in range(components):
-            start[i, j] = points[vertex, j]
-        stood[i], uw[i, 0], uw[i, 1] = standing.at[vertex], standing.u[vertex], standing.w[vertex]
+        _remember(walk, vertices[chosen[i]], i, start, uw, stood)
     part = 1.0
     for _ in range(_TRIES):
         for i in range(n):
-            vertex = vertices[chosen[i]]
-            _go_part(walk, vertex, moves, i, part)
-            square = 0.0
-            for j in range(components):
-                square += (points[vertex, j] - start[i, j]) * (points[vertex, j] - start[i, j])
-            far[i] = sqrt(square)
+            _go_part(walk, vertices[chosen[i]], moves, i, part)
+            far[i] = _distance(points, vertices[chosen[i]], i, start)
         after = _largest(walk, chosen, altitude, scratch)
         better = improves(before, after, walk.rings.others.shape[1]) and _upright(walk, chosen)
         if better and _look(walk, chosen, far, slot, limit):
             _take_over(walk, chosen, slot)
             return before, after
         for i in range(n):
-            vertex = vertices[chosen[i]]
-            put(points, vertex, start[i, 0], start[i, 1], start[i, 2])
-            standing.at[vertex], standing.u[vertex], standing.w[vertex] = stood[i], uw[i, 0], uw[i, 1]
+            _return(walk, vertices[chosen[i]], i, start, uw, stood)
         part *= 0.5
     return before, before
+
+
+def go_jointly(walk: Walk, chosen: np.ndarray, moves: np.ndarray, slot: np.ndarray, limit: float) -> None:
+    """Move vertices together, each as far as no rule for boundaries is in its way.
+
+    chosen, moves, slot, limit: as in ``move_jointly``. What is at fault where the mesh would come farther
+    from the input than the limit, or a facet of a boundary would turn over against those that its vertices
+    stand on, goes half as far, and again, and in the end stays. Other vertices go all the way.
+    """
+    walk, chosen, moves, slot = bare(walk), bare(chosen), bare(moves), bare(slot)
+    points, vertices, stars = walk.points, walk.rings.vertices, walk.stars
+    n = len(chosen)
+    start, uw, stood, far = np.zeros((n, 3)), np.empty((n, 2)), np.empty(n, np.int64), np.empty(n)
+    part, fault, again = np.ones(n), np.ones(n, np.bool_), np.ones(n, np.bool_)
+    down = np.zeros(len(walk.ground.triangles), np.bool_)  # facets that are turned over as it is
+    for i in range(n):
+        vertex = vertices[chosen[i]]
+        _remember(walk, vertex, i, start, uw, stood)
+        for entry in range(stars.triangle_start[vertex], stars.triangle_start[vertex + 1]):
+            down[stars.triangle[entry]] = not _facet_upright(walk, stars.triangle[entry])
+    for look in range(_TRIES + _STOPS):
+        for i in range(n):
+            if fault[i]:
+                _return(walk, vertices[chosen[i]], i, start, uw, stood)
+                _go_part(walk, vertices[chosen[i]], moves, i, part[i])
+                far[i] = _distance(points, vertices[chosen[i]], i, start)
+        if _faultless(walk, chosen, far, slot, limit, down, fault, again):
+            _take_over(walk, chosen, slot)
+            return
+        for i in range(n):
+            again[i] = fault[i]
+        for i in range(n):
+            if fault[i]:
+                part[i] = 0.5 * part[i] if look < _TRIES else 0.0
+                vertex = vertices[chosen[i]]
+                for entry in range(stars.edge_start[vertex], stars.edge_start[vertex + 1]):
+                    if slot[stars.end[entry]] >= 0:
+                        again[slot[stars.end[entry]]] = True
+    for i in range(n):
+        _return(walk, vertices[chosen[i]], i, start, uw, stood)
+
+
+def _remember(walk: Walk, vertex: int, i: int, start: np.ndarray, uw: np.ndarray, stood: np.ndarray) -> None:
+    """Note where a vertex is, for ``_return``."""
+    points, standing = walk.points, walk.standing
+    for j in range(points.shape[1]):
+        start[i, j] = points[vertex, j]
+    stood[i], uw[i, 0], uw[i, 1] = standing.at[vertex], standing.u[vertex], standing.w[vertex]
+
+
+def _return(walk: Walk, vertex: int, i: int, start: np.ndarray, uw: np.ndarray, stood: np.ndarray) -> None:
+    """Put a vertex back."""
+    standing = walk.standing
+    put(walk.points, vertex, start[i, 0], start[i, 1], start[i, 2])
+    standing.at[vertex], standing.u[vertex], standing.w[vertex] = stood[i], uw[i, 0], uw[i, 1]
+
+
+def _distance(points: np.ndarray, vertex: int, i: int, start: np.ndarray) -> float:
+    """How far a vertex is from where it was."""
+    square = 0.0
+    for j in range(points.shape[1]):
+        square += (points[vertex, j] - start[i, j]) * (points[vertex, j] - start[i, j])
+    return sqrt(square)
 
 
 def _largest(walk: Walk, chosen: np.ndarray, altitude: float, scratch: np.ndarray) -> float:
@@ -147,40 +204,105 @@ def _upright(walk: Walk, chosen: np.ndarray) -> bool:
     return True
 
 
+def _facet_upright(walk: Walk, triangle: int) -> bool:
+    """True if a facet of a boundary is upright against those that its vertices stand on; see ``_upright``."""
+    points, ground, standing = walk.points, walk.ground, walk.standing
+    a, b, c = ground.triangles[triangle, 0], ground.triangles[triangle, 1], ground.triangles[triangle, 2]
+    x0, x1, x2 = points[a, 0], points[a, 1], points[a, 2]
+    stand = 0
+    for k in range(3):
+        member = ground.triangles[triangle, k]
+        if standing.kind[member] == SURFACE:
+            stand += 1
+            if not side(points, x0, x1, x2, b, c, standing.at[member], ground.normals) > 0.0:
+                return False
+    return stand > 0 or bool(side(points, x0, x1, x2, b, c, triangle, ground.normals) > 0.0)
+
+
+def _faultless(
+    walk: Walk,
+    chosen: np.ndarray,
+    far: np.ndarray,
+    slot: np.ndarray,
+    limit: float,
+    down: np.ndarray,
+    fault: np.ndarray,
+    again: np.ndarray,
+) -> bool:
+    """True if vertices that have moved keep to all rules; ``fault`` becomes whether each does not.
+
+    down: (T,) facets that were turned over before. again: (n,) the vertices that have to be looked at.
+    Leaves what was found as ``_look`` does.
+    """
+    vertices, ground, stars = walk.rings.vertices, walk.ground, walk.stars
+    good = True
+    for i in range(len(chosen)):
+        fault[i] = False
+    for i in range(len(chosen)):
+        if not again[i]:
+            continue
+        vertex = vertices[chosen[i]]
+        if walk.standing.at[vertex] >= 0:
+            for entry in range(stars.edge_start[vertex], stars.edge_start[vertex + 1]):
+                if not _edge_keeps(walk, entry, vertex, far, slot, limit):
+                    good, fault[i] = False, True
+        for entry in range(stars.triangle_start[vertex], stars.triangle_start[vertex + 1]):
+            triangle = stars.triangle[entry]
+            if not _has_first(triangle, vertex, slot, ground):
+                continue
+            keeps = down[triangle] or _facet_upright(walk, triangle)
+            if not (_places_keep(walk, triangle, far, slot, limit) and keeps):
+                good = False
+                for k in range(3):
+                    if slot[ground.triangles[triangle, k]] >= 0:
+                        fault[slot[ground.triangles[triangle, k]]] = True
+    return good
+
+
 def _look(walk: Walk, chosen: np.ndarray, far: np.ndarray, slot: np.ndarray, limit: float) -> bool:
     """True if the mesh around vertices that have just moved ``far`` ((n,) each) is within the limit.
 
     Leaves what was found as ``next_bound``, ``next_apart`` and ``next_host``.
     """
-    points, vertices, ground, stars, standing = (
-        walk.points,
-        walk.rings.vertices,
-        walk.ground,
-        walk.stars,
-        walk.standing,
-    )
+    vertices, ground, stars = walk.rings.vertices, walk.ground, walk.stars
     for i in range(len(chosen)):
         vertex = vertices[chosen[i]]
-        if standing.at[vertex] < 0:
+        if walk.standing.at[vertex] < 0:
             continue
         for entry in range(stars.edge_start[vertex], stars.edge_start[vertex + 1]):
-            edge, end = stars.edge[entry], stars.end[entry]
-            moved = max(far[i], far[slot[end]]) if slot[end] >= 0 else far[i]
-            bound = standing.bound[edge] + ground.heaviest[0] * moved
-            if bound > limit:
-                bound = edge_distance(points, edge, vertex, end, ground, stars, standing)
-                if bound > limit:
-                    return False
-            standing.next_bound[edge] = bound
+            if not _edge_keeps(walk, entry, vertex, far, slot, limit):
+                return False
     for i in range(len(chosen)):
         vertex = vertices[chosen[i]]
         for entry in range(stars.triangle_start[vertex], stars.triangle_start[vertex + 1]):
             triangle = stars.triangle[entry]
-            place = standing.first[triangle] if _has_first(triangle, vertex, slot, ground) else -1
-            while place >= 0:
-                if not _finds(walk, place, triangle, far, slot, limit):
-                    return False
-                place = standing.following[place]
+            first = _has_first(triangle, vertex, slot, ground)
+            if first and not _places_keep(walk, triangle, far, slot, limit):
+                return False
+    return True
+
+
+def _edge_keeps(walk: Walk, entry: int, vertex: int, far: np.ndarray, slot: np.ndarray, limit: float) -> bool:
+    """True if the edge of an entry of the star of a vertex that moved is within the limit."""
+    points, ground, stars, standing = walk.points, walk.ground, walk.stars, walk.standing
+    edge, end = stars.edge[entry], stars.end[entry]
+    moved = far[slot[vertex]]
+    if slot[end] >= 0:
+        moved = max(moved, far[slot[end]])
+    bound = standing.bound[edge] + ground.heaviest[0] * moved
+    if bound > limit:
+        bound = edge_distance(points, edge, vertex, end, ground, stars, standing)
+    standing.next_bound[edge] = bound
+    return bool(bound <= limit)
+
+
+def _places_keep(walk: Walk, triangle: int, far: np.ndarray, slot: np.ndarray, limit: float) -> bool:
+    """True if all places that a triangle answers for find one within the limit."""
+    place = walk.standing.first[triangle]
+    while place >= 0:
+        if not _finds(walk, place, triangle, far, slot, limit):
+            return False
+        place = walk.standing.following[place]
     return True
 
 

@@ -60,6 +60,12 @@ class Energy:
         """(m, d) the moving vertices, in index order, after ``displacements``."""
         return self._at(displacements)[:, self._here].T
 
+    def at(self, points: np.ndarray, epsilon: float) -> float:
+        """The energy with this ε where the moving vertices are at ``points`` (m, d)."""
+        x = self._start.copy()
+        x[:, self._here] = points.T
+        return self._evaluated(x, epsilon)[0]
+
     def least(self, displacements: np.ndarray) -> float:
         """The smallest v of a corner, in its unit."""
         x = self._at(displacements)
@@ -68,8 +74,19 @@ class Energy:
 
     def regularised(self, displacements: np.ndarray, epsilon: float) -> tuple[float, np.ndarray]:
         """The energy with this ε and its gradient (m·d,) in the lines and planes of the vertices."""
+        energy, pull = self._evaluated(self._at(displacements), epsilon)
+        m = len(self._moving)
+        sums = [np.bincount(self._target, row.ravel(), minlength=m + 1)[:m] for row in pull]
+        if self._measured is not None:
+            sums = self._measured.gradient(sums)
+        gradient = np.stack(sums, axis=1) * self._size[:, None]
+        if self._measured is None and self._freedom.axis.any():
+            gradient = self._freedom.project(gradient, self._moving)
+        return energy, gradient.ravel()
+
+    def _evaluated(self, x: np.ndarray, epsilon: float) -> tuple[float, np.ndarray]:
+        """The energy of the coordinates x (d, n), and its derivatives by the vertices of each corner."""
         d, n = self.dimension, self._corner.shape[1]
-        x = self._at(displacements)
         energy = 0.0
         pull = np.empty((d, d + 1, n))
         for low in range(0, n, _CHUNK):
@@ -94,14 +111,7 @@ class Energy:
                     pull[i, j + 1, chunk] = force
                     total -= force
                 pull[i, 0, chunk] = total
-        m = len(self._moving)
-        sums = [np.bincount(self._target, row.ravel(), minlength=m + 1)[:m] for row in pull]
-        if self._measured is not None:
-            sums = self._measured.gradient(sums)
-        gradient = np.stack(sums, axis=1) * self._size[:, None]
-        if self._measured is None and self._freedom.axis.any():
-            gradient = self._freedom.project(gradient, self._moving)
-        return energy, gradient.ravel()
+        return energy, pull
 
     def _at(self, displacements: np.ndarray) -> np.ndarray:
         """(d, n) the coordinates after ``displacements``."""

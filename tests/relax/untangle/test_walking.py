@@ -1,0 +1,133 @@
+"""Untangling where vertices walk: boundaries let elements become positive, and stay what they were."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import dvr_cli
+from curved_parts import apart, distances, skin, tube
+from dvr_cli.mesh.mesh import Mesh
+from needs import require
+from walking import nearest
+
+BOUND = 0.03
+
+
+def volumes(mesh: Mesh, points: np.ndarray) -> np.ndarray:
+    """Six times the volume of each tetrahedron."""
+    corners = points[mesh.cells[0].vertices]
+    return np.linalg.det(corners[:, 1:] - corners[:, :1])
+
+
+def untangled(mesh: Mesh, **options):
+    """The points and the report; checks what holds of the boundary of every tetrahedral mesh."""
+    given = {"boundary": "project", "feature_angle": 40.0, "max_deviation": BOUND, **options}
+    points, report = dvr_cli.untangle(mesh.points, [("tetra", mesh.cells[0].vertices)], **given)
+    facets = skin(mesh)
+    walked = np.intersect1d(np.unique(facets), np.flatnonzero((points != mesh.points).any(axis=1)))
+    if len(walked):
+        assert nearest(mesh.points[facets], points[walked])[0].max() < 1e-14
+    assert apart(mesh.points, points, facets) <= given["max_deviation"]
+    assert (volumes(mesh, points) <= 0).sum() <= (volumes(mesh, mesh.points) <= 0).sum()
+    return points, report, walked
+
+
+def turned_over(mesh: Mesh, points: np.ndarray) -> int:
+    """How many facets of the boundary look the other way than those of the input nearest to their middle."""
+    facets = skin(mesh)
+    corners = points[facets]
+    before = mesh.points[facets]
+    below = nearest(before, corners.mean(axis=1))[1]
+    normals = [np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) for c in (corners, before[below])]
+    return int(((normals[0] * normals[1]).sum(axis=1) <= 0).sum())
+
+
+def test_walls_that_are_turned_against_each_other_turn_back():
+    """All vertices are on the boundary, so fixed nothing can be done."""
+    mesh = tube(2.5)
+    inverted = (volumes(mesh, mesh.points) <= 0).sum()
+    assert inverted > 30
+    _, fixed, walked = untangled(mesh, boundary="fixed")
+    assert fixed.after.inverted == inverted
+    assert not len(walked)
+    points, report, walked = untangled(mesh)
+    assert len(walked) > 10
+    assert (volumes(mesh, points) > 0).all()
+    assert report.after.inverted == report.phases[0].left["elements"] == 0
+    assert turned_over(mesh, points) == 0
+    assert 0 < report.boundary.deviation <= BOUND
+
+
+def test_what_does_its_part_alone_leaves_the_boundary_as_it_is():
+    mesh = tube(1.6, layers=2)
+    inner = dvr_cli.untangle(mesh.points, [("tetra", mesh.cells[0].vertices)], boundary="slide")[0]
+    points, report, _ = untangled(mesh)
+    assert report.before.inverted > report.after.inverted == 0
+    assert report.boundary.deviation == 0.0
+    assert points.tobytes() == inner.tobytes()
+
+
+def test_a_bound_of_nothing_lets_nothing_but_what_is_plane_or_straight_move():
+    mesh = tube(2.5)
+    points, report, _ = untangled(mesh, max_deviation=0.0)
+    assert apart(mesh.points, points, skin(mesh)) < 1e-14
+    assert report.boundary.deviation == 0.0
+
+
+@pytest.mark.long
+def test_smoothing_goes_on_from_there():
+    mesh = tube(2.5)
+    options = {"boundary": "project", "feature_angle": 40.0, "max_deviation": BOUND, "max_iterations": 2}
+    points, report = dvr_cli.smooth(mesh.points, [("tetra", mesh.cells[0].vertices)], **options)
+    assert report.phases[0].phase == "untangle"
+    assert (volumes(mesh, points) > 0).all()
+    assert apart(mesh.points, points, skin(mesh)) <= BOUND
+    assert report.after.q1 > untangled(mesh)[1].after.q1 > 0
+
+
+@pytest.mark.long
+@settings(max_examples=6, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([1, 2]), st.floats(0.0, 0.03))
+def test_the_bound_holds_and_nothing_turns_over_whatever_becomes_of_the_elements(seed, layers, bound):
+    mesh = tube(2.5, layers, noise=0.1, seed=seed)
+    points, *_ = untangled(mesh, max_deviation=bound)
+    assert turned_over(mesh, points) == 0
+
+
+def test_vertices_walk_on_curves_of_the_plane():
+    """A ring of triangles between two circles, of which a part of the outer one is turned."""
+    n = 24
+    turn = 2.2 * np.exp(-(((np.arange(n) - n / 2) / 4) ** 2))
+    angle = 2 * np.pi / n * np.concatenate([np.arange(n), np.arange(n) + turn])
+    points = np.repeat([0.8, 1.0], n)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    i, j = np.arange(n), (np.arange(n) + 1) % n
+    triangles = np.concatenate([np.column_stack([i, n + i, n + j]), np.column_stack([i, n + j, j])])
+    edges = np.concatenate([np.column_stack([i, j]), np.column_stack([n + i, n + j])])
+
+    def areas(at):
+        e, f = (at[triangles[:, k]] - at[triangles[:, 0]] for k in (1, 2))
+        return e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0]
+
+    assert (areas(points) <= 0).sum() > 2
+    how = {"boundary": "project", "feature_angle": 60.0, "max_deviation": 0.05}
+    moved, report = dvr_cli.untangle(points, [("triangle", triangles)], **how)
+    assert (areas(moved) > 0).all()
+    assert distances(moved, points, edges).max() < 1e-14
+    assert apart(points, moved, edges) <= 0.05
+    assert report.after.inverted == 0
+
+
+@pytest.mark.long
+def test_engines_and_threads_agree_to_the_bit():
+    require("numba")
+    mesh = tube(2.5, noise=0.1)
+    results = []
+    for engine, threads in (("numpy", None), ("numba", 1), ("numba", 3)):
+        how = {"engine": engine, "threads": threads, "max_iterations": 1, "untangle": True}
+        how |= {"boundary": "project", "feature_angle": 40.0, "max_deviation": BOUND}
+        points, report = dvr_cli.smooth(mesh.points, [("tetra", mesh.cells[0].vertices)], **how)
+        results.append((points.tobytes(), report.boundary.deviation))
+    assert results[0] == results[1] == results[2]
