@@ -14,6 +14,11 @@ from needs import require
 from walking import nearest
 
 BOUND = 0.03
+HOW = {"boundary": "project", "feature_angle": 40.0, "max_deviation": BOUND, "engine": "numpy"}
+HOW |= {
+    "untangle": True,
+    "max_iterations": 0,
+}  # as dvr_cli.untangle, which takes whichever engine is quickest
 
 
 def volumes(mesh: Mesh, points: np.ndarray) -> np.ndarray:
@@ -24,8 +29,8 @@ def volumes(mesh: Mesh, points: np.ndarray) -> np.ndarray:
 
 def untangled(mesh: Mesh, **options):
     """The points and the report; checks what holds of the boundary of every tetrahedral mesh."""
-    given = {"boundary": "project", "feature_angle": 40.0, "max_deviation": BOUND, **options}
-    points, report = dvr_cli.untangle(mesh.points, [("tetra", mesh.cells[0].vertices)], **given)
+    given = HOW | options
+    points, report = dvr_cli.smooth(mesh.points, [("tetra", mesh.cells[0].vertices)], **given)
     facets = skin(mesh)
     walked = np.intersect1d(np.unique(facets), np.flatnonzero((points != mesh.points).any(axis=1)))
     if len(walked):
@@ -63,13 +68,14 @@ def test_walls_that_are_turned_against_each_other_turn_back():
 
 def test_what_does_its_part_alone_leaves_the_boundary_as_it_is():
     mesh = tube(1.6, layers=2)
-    inner = dvr_cli.untangle(mesh.points, [("tetra", mesh.cells[0].vertices)], boundary="slide")[0]
     points, report, _ = untangled(mesh)
     assert report.before.inverted > report.after.inverted == 0
     assert report.boundary.deviation == 0.0
-    assert points.tobytes() == inner.tobytes()
+    walls = np.setdiff1d(np.unique(skin(mesh)), np.flatnonzero(np.isin(mesh.points[:, 2], (0.0, 2.0))))
+    assert points[walls].tobytes() == mesh.points[walls].tobytes()
 
 
+@pytest.mark.long
 def test_a_bound_of_nothing_lets_nothing_but_what_is_plane_or_straight_move():
     mesh = tube(2.5)
     points, report, _ = untangled(mesh, max_deviation=0.0)
@@ -80,11 +86,9 @@ def test_a_bound_of_nothing_lets_nothing_but_what_is_plane_or_straight_move():
 @pytest.mark.long
 def test_smoothing_goes_on_from_there():
     mesh = tube(2.5)
-    options = {"boundary": "project", "feature_angle": 40.0, "max_deviation": BOUND, "max_iterations": 2}
-    points, report = dvr_cli.smooth(mesh.points, [("tetra", mesh.cells[0].vertices)], **options)
+    points, report, _ = untangled(mesh, max_iterations=2)
     assert report.phases[0].phase == "untangle"
     assert (volumes(mesh, points) > 0).all()
-    assert apart(mesh.points, points, skin(mesh)) <= BOUND
     assert report.after.q1 > untangled(mesh)[1].after.q1 > 0
 
 
@@ -95,6 +99,14 @@ def test_the_bound_holds_and_nothing_turns_over_whatever_becomes_of_the_elements
     mesh = tube(2.5, layers, noise=0.1, seed=seed)
     points, *_ = untangled(mesh, max_deviation=bound)
     assert turned_over(mesh, points) == 0
+
+
+@pytest.mark.long
+def test_the_command_of_its_own_does_the_same():
+    mesh = tube(2.5)
+    options = {name: HOW[name] for name in ("boundary", "feature_angle", "max_deviation")}
+    points, _ = dvr_cli.untangle(mesh.points, [("tetra", mesh.cells[0].vertices)], **options)
+    assert points.tobytes() == untangled(mesh)[0].tobytes()
 
 
 def test_vertices_walk_on_curves_of_the_plane():
@@ -112,8 +124,8 @@ def test_vertices_walk_on_curves_of_the_plane():
         return e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0]
 
     assert (areas(points) <= 0).sum() > 2
-    how = {"boundary": "project", "feature_angle": 60.0, "max_deviation": 0.05}
-    moved, report = dvr_cli.untangle(points, [("triangle", triangles)], **how)
+    how = HOW | {"feature_angle": 60.0, "max_deviation": 0.05}
+    moved, report = dvr_cli.smooth(points, [("triangle", triangles)], **how)
     assert (areas(moved) > 0).all()
     assert distances(moved, points, edges).max() < 1e-14
     assert apart(points, moved, edges) <= 0.05
@@ -126,8 +138,7 @@ def test_engines_and_threads_agree_to_the_bit():
     mesh = tube(2.5, noise=0.1)
     results = []
     for engine, threads in (("numpy", None), ("numba", 1), ("numba", 3)):
-        how = {"engine": engine, "threads": threads, "max_iterations": 1, "untangle": True}
-        how |= {"boundary": "project", "feature_angle": 40.0, "max_deviation": BOUND}
+        how = HOW | {"engine": engine, "threads": threads, "max_iterations": 1}
         points, report = dvr_cli.smooth(mesh.points, [("tetra", mesh.cells[0].vertices)], **how)
         results.append((points.tobytes(), report.boundary.deviation))
     assert results[0] == results[1] == results[2]
