@@ -93,7 +93,7 @@ def test_the_table_loads_no_numpy():
 def test_names_are_told_where_only_some_are_known():
     with pytest.raises(UsageError, match="order: unknown 'random'; known: coloured, natural, shuffled"):
         SmoothOptions(order="random")
-    assert OPTIONS["boundary"].of("untangle").values.names == ("fixed", "slide")
+    assert OPTIONS["boundary"].of("untangle").values.names == ("fixed", "slide", "project")
     assert options.default("directions", "morph") == "random"
     assert COUNT.low == 0
     assert (QUALITY.low, QUALITY.high) == (-1, 1)

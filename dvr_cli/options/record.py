@@ -50,7 +50,6 @@ class Variant:
     """The differences of an option in one command; None: no difference."""
 
     default: Any = None
-    names: tuple[str, ...] | None = None
     help: str | None = None
 
 
@@ -92,7 +91,6 @@ class Option:
         return replace(
             self,
             default=self.default if variant.default is None else variant.default,
-            values=self.values if variant.names is None else replace(self.values, names=variant.names),
             help=variant.help or self.help,
         )
 

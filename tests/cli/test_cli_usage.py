@@ -333,7 +333,9 @@ MORPH = {
     },
 }
 UNTANGLE = {
-    "--boundary": ["slide"],
+    "--boundary": ["project"],
+    "--feature-angle": ["40"],
+    "--max-deviation": ["0.1"],
     "--fix": ["1"],
     "--time-limit": ["5.5"],
     "--report": ["{folder}/r.csv"],

@@ -132,7 +132,7 @@ def _return(walk: Walk, vertex: int, i: int, start: np.ndarray, uw: np.ndarray, 
 
 
 def _distance(points: np.ndarray, vertex: int, i: int, start: np.ndarray) -> float:
-    """How far a vertex is from where it was."""
+    """The distance of a vertex from where it was."""
     square = 0.0
     for j in range(points.shape[1]):
         square += (points[vertex, j] - start[i, j]) * (points[vertex, j] - start[i, j])
