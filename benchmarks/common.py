@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,12 +24,13 @@ from dvr_cli.relax.problem import build_problem
 Contender = tuple[str, int]  # an engine's name and its number of threads
 
 # Runs a command in a process of little memory of its own, since Linux counts the peak of the process that
-# starts another towards the other's; prints the seconds, the peak in kB and the exit code.
+# starts another towards the other's; prints the seconds, the peak in kB, the CPU seconds and the exit code.
 _LAUNCHER = """
 import resource, subprocess, sys, time
 begin = time.perf_counter()
 code = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode
-print(time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss, code)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(time.perf_counter() - begin, used.ru_maxrss, used.ru_utime + used.ru_stime, code)
 """
 
 
@@ -52,22 +56,53 @@ def seconds(work: Callable[[], object]) -> float:
     return time.perf_counter() - begin
 
 
-def run_process(command: Sequence[str | Path]) -> tuple[float, float]:
-    """Seconds and peak memory in MB of a process, bytecode kept as usual; SystemExit if it fails."""
+class Used(NamedTuple):
+    """The time and memory of a process: seconds, CPU seconds and the peak in MB."""
+
+    elapsed: float
+    cpu: float
+    memory: float
+
+
+def run_process(command: Sequence[str | Path]) -> Used:
+    """The time and memory of a process, bytecode kept as usual; SystemExit if it fails."""
     launch = [sys.executable, "-c", _LAUNCHER, *map(str, command)]
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     answer = subprocess.run(launch, capture_output=True, text=True, check=True, env=environment)
-    elapsed, peak, code = answer.stdout.split()
+    elapsed, peak, cpu, code = answer.stdout.split()
     if code != "0":
         raise SystemExit(f"{' '.join(map(str, command))} failed:\n{answer.stderr}")
     in_kb = 1 if sys.platform != "darwin" else 1 / 1024
-    return float(elapsed), float(peak) * in_kb * 1024 / 1e6
+    return Used(float(elapsed), float(cpu), float(peak) * in_kb * 1024 / 1e6)
+
+
+class FileRun(NamedTuple):
+    """A run from file to file: what its process used, and its report."""
+
+    used: Used
+    report: dict[str, Any]
+
+    @property
+    def phases(self) -> dict[str, float]:
+        """The seconds of the sweeps of each phase."""
+        taken: dict[str, float] = defaultdict(float)
+        for sweep in self.report["sweeps"]:
+            taken[sweep["phase"]] += sweep["seconds"]
+        return dict(taken)
+
+
+def smooth_file(source: Path, threads: int) -> FileRun:
+    """Smooth a file into another one beside it, with default options, by the fastest engine."""
+    report = source.with_name("report.json")
+    command = [sys.executable, "-m", "dvr_cli", "smooth", source, source.with_name(f"out{source.suffix}")]
+    command += ["-q", "--engine", fastest(), "--threads", str(threads), "--report", report]
+    return FileRun(run_process(command), json.loads(report.read_text()))
 
 
 def processes(command: Sequence[str | Path], runs: int) -> list[float]:
     """Seconds of several runs of a process, ascending, after one that is not counted."""
     run_process(command)
-    return sorted(run_process(command)[0] for _ in range(runs))
+    return sorted(run_process(command).elapsed for _ in range(runs))
 
 
 def contenders(threads: Sequence[int] = (1, 2)) -> list[Contender]:

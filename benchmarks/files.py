@@ -61,5 +61,7 @@ def _rows(source: Path, target: Path) -> list[list[object]]:
     for label, command in commands.items():
         run_process(command)  # fills the caches of the disk and of compiled code
         measured[label] = run_process(command)
-    reference = next(iter(measured.values()))[0]
-    return [[label, time, times(reference, time), peak] for label, (time, peak) in measured.items()]
+    reference = next(iter(measured.values())).elapsed
+    return [
+        [label, used.elapsed, times(reference, used.elapsed), used.memory] for label, used in measured.items()
+    ]

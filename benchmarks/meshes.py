@@ -130,6 +130,31 @@ def noisy_ellipsoid(subdivisions: int, folded: int) -> Mesh:
 
 
 @kept
+def scanned_torus(around: int, across: int) -> Mesh:
+    """A bumpy torus as a scanner sees it: 2 x around x across triangles, no two of one shape.
+
+    Places are shaken by up to a quarter of the spacing along the surface, and by a twentieth of it, normally
+    distributed, across. Each quadrilateral of neighbours is cut along its shorter diagonal.
+    """
+    rng = np.random.default_rng(0)
+    i, j = np.divmod(np.arange(around * across), across)
+    shake = rng.uniform(-0.25, 0.25, (2, len(i)))
+    u, v = 2.0 * np.pi * (i + shake[0]) / around, 2.0 * np.pi * (j + shake[1]) / across
+    radius = 0.35 * (1.0 + 0.1 * np.sin(5.0 * u) * np.cos(3.0 * v) + 0.03 * np.sin(17.0 * u + 4.0 * v))
+    radius += 0.05 * 2.0 * np.pi * 0.35 / across * rng.normal(size=len(i))
+    reach = 1.0 + radius * np.cos(v)
+    points = np.stack([reach * np.cos(u), reach * np.sin(u), radius * np.sin(v)], axis=1)
+    ahead, beside = (i + 1) % around, (j + 1) % across
+    a, b = i * across + j, ahead * across + j
+    c, d = ahead * across + beside, i * across + beside
+    shorter = ((points[a] - points[c]) ** 2).sum(axis=1) < ((points[b] - points[d]) ** 2).sum(axis=1)
+    one = np.where(shorter, [a, b, c], [a, b, d]).T
+    other = np.where(shorter, [a, c, d], [b, c, d]).T
+    triangles = np.stack([one, other], axis=1).reshape(-1, 3).astype(np.int32)
+    return Mesh(points, [Cells("triangle", triangles)])
+
+
+@kept
 def scanned_bunny() -> Mesh:
     """The Stanford bunny, a mended scan, as the package pymeshfix has it; without that an ImportError."""
     examples = import_module("pymeshfix.examples")

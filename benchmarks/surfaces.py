@@ -1,14 +1,17 @@
 """Vertices on surfaces and curved boundaries: how good, how far from the input, how fast, and against others.
 
 Times are CPU seconds on one thread, of the whole call of ``dvr_cli.smooth``, reports and checks included,
-once all kernels are compiled. The deviation is measured by trimesh, from both sides.
+once all kernels are compiled; those of a scan are of a process on two threads, from file to file. The
+deviation is measured by trimesh, from both sides.
 """
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +19,7 @@ import trimesh
 
 import dvr_cli
 import meshes
-from common import fastest, print_table, random_directions, times, warm_up
+from common import fastest, print_table, random_directions, smooth_file, times, warm_up
 from dvr_cli.api.boundary import bound_of, moves_of
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
@@ -35,6 +38,8 @@ _SAMPLES = 20_000  # places on each surface whose distance from the other is tak
 _SWEEPS = 10
 _SHARE = 0.97  # of the bound, which walks keep to at first
 _PASSES = (5, 20)
+_SCAN = (1250, 400)  # a million triangles
+_THREADS = 2  # of the process that smooths it
 _PART = 1.25  # the edge length of the part: 61,045 tetrahedra
 
 
@@ -45,6 +50,9 @@ def run(quick: bool) -> None:
     header = ["triangles", "folded", "Q1 before", "Q1", "to reach", "1 % quantile", "mean"]
     header += ["CPU seconds", "to reach", "deviation / bound", "by trimesh"]
     print_table("Surfaces: noisy ellipsoids, default options, one thread", header, _ellipsoids(quick))
+    header = ["triangles", "Q1 before", "Q1", "seconds", "CPU seconds", "in sweeps", "outside", "peak MB"]
+    title = f"Surfaces: a scan, whole process, default options, {_THREADS} threads"
+    print_table(title, header, [_scan(*((90, 28) if quick else _SCAN))])
     header = ["mesh", "vertices that walk", "random", "steepest", "polishing"]
     print_table("Surfaces: µs an update, deviation checked, one thread", header, _updates(quick))
     part = meshes.gmsh_part(3.0 if quick else _PART)
@@ -96,6 +104,18 @@ def _ellipsoids(quick: bool) -> Iterator[list[object]]:
             row: list[object] = [len(mesh.cells[0].vertices), "yes" if folded else "no", report.before.q1]
             row += [after.q1, q1, after.quantiles[0.01], after.mean, taken, seconds]
             yield [*row, report.boundary.deviation / bound, _compare(mesh, points).deviation / bound]
+
+
+def _scan(around: int, across: int) -> list[object]:
+    """The row of a surface as scanners see them, smoothed from file to file."""
+    mesh = meshes.scanned_torus(around, across)
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder) / "scan.ply"
+        trimesh.Trimesh(mesh.points, mesh.cells[0].vertices, process=False).export(source)
+        used, report = run = smooth_file(source, _THREADS)
+    swept = sum(run.phases.values())
+    row: list[object] = [len(mesh.cells[0].vertices), report["before"]["q1"], report["after"]["q1"]]
+    return [*row, used.elapsed, used.cpu, swept, used.elapsed - swept, used.memory]
 
 
 def _updates(quick: bool) -> Iterator[list[object]]:
