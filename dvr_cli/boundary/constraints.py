@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvr_cli.backend import Backend
 from dvr_cli.boundary.unconnected import coincident_vertices, hanging_vertices
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import Domain
@@ -39,6 +40,7 @@ class Constraints:
     hanging: (m,) vertices that hang on a facet they are not connected to; these and the facet's are fixed.
     coincident: (k,) vertices on the boundary that others lie on.
     rounding: how far rounding may have put a vertex off its plane or line.
+    backend: what computes; the results are the same.
     """
 
     facets: np.ndarray
@@ -50,6 +52,7 @@ class Constraints:
     hanging: np.ndarray
     coincident: np.ndarray
     rounding: float
+    backend: Backend
 
 
 def constraints_of(mesh: Mesh, domain: Domain, rounding: float | None = None) -> Constraints:
@@ -134,6 +137,7 @@ def constraints_of(mesh: Mesh, domain: Domain, rounding: float | None = None) ->
         hanging=hanging,
         coincident=coincident,
         rounding=rounding,
+        backend=domain.backend,
     )
 
 
@@ -164,6 +168,7 @@ def surface_constraints(mesh: Mesh, domain: Domain) -> Constraints:
         hanging=np.empty(0, dtype=np.int64),
         coincident=coincident_vertices(domain.points, np.unique(facets[facets >= 0])),
         rounding=ROUNDING * float(np.abs(mesh.points).max(initial=0.0)),
+        backend=domain.backend,
     )
 
 

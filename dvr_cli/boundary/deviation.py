@@ -10,26 +10,18 @@ _FIRST, _CHUNK = 16, 4096  # facets measured at a time, at first and at most
 _FINE, _GRID = 20, 5  # intervals an edge is cut into, of the first facets and of others
 
 
-def deviation(
-    before: np.ndarray,
-    after: np.ndarray,
-    facets: np.ndarray,
-    patch: np.ndarray,
-    near: np.ndarray,
-    bound: np.ndarray,
-) -> float:
-    """The largest distance between facets at ``before`` and at ``after``, sampled densely both ways.
+def deviation(old: Manifold, after: np.ndarray, near: np.ndarray, bound: np.ndarray) -> float:
+    """The largest distance between the facets ``old`` and the same at ``after``, sampled densely both ways.
 
-    before, after: (N, d) coordinates. facets: (F, k) segments or triangles; patch: (F,) the part of the
-    boundary that each belongs to. near: (F,) the facet at ``before`` that each at ``after`` is near to.
+    old: F segments or triangles. after: (N, d) coordinates. near: (F,) the old facet that each is near to.
     bound: (F,) a distance that none of its points exceeds; what cannot be farther than what was found already
     is passed over, and where the search for the nearest point ends farther away, as it may at a fold, the
     bound counts.
     """
-    moved = (before != after).any(axis=1)
+    new, facets = old.at(after), old.simplices
+    moved = (old.points != after).any(axis=1)
     changed = np.flatnonzero(moved[facets].any(axis=1) & (bound > 0.0))
     changed = changed[np.argsort(-bound[changed], kind="stable")]
-    old, new = Manifold(before, facets, patch), Manifold(after, facets, patch)
     largest, lo, size = 0.0, 0, _FIRST  # the first, which have the largest bounds, often spare the others
     while lo < len(changed):
         chunk, weights = changed[lo : lo + size], _grid(facets.shape[1], _GRID if lo else _FINE)
@@ -37,10 +29,10 @@ def deviation(
         chunk = chunk[bound[chunk] > largest]
         if not len(chunk):
             break
-        for manifold, points, start in ((old, after, near[chunk]), (new, before, chunk)):
-            samples = np.einsum("sk,fkd->fsd", weights, points[facets[chunk]])
+        for target, origin, start in ((old, new, near[chunk]), (new, old, chunk)):
+            samples = np.einsum("sk,fkd->fsd", weights, origin.places(chunk))
             hints = np.repeat(start, len(weights))
-            distance = manifold.nearest(np.concatenate(samples), hints)[2].reshape(len(chunk), -1)
+            distance = target.nearest(np.concatenate(samples), hints)[2].reshape(len(chunk), -1)
             largest = max(largest, float(np.minimum(distance.max(axis=1), bound[chunk]).max()))
     return largest
 

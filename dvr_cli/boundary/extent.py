@@ -15,7 +15,7 @@ def extent(domain: Domain, points: np.ndarray) -> tuple[float | None, float]:
     Of a volume mesh its volume and the area of its boundary; of a surface its area and the volume it
     encloses, None if it has a border; of a planar mesh its area.
     """
-    sides = facets_of(domain.cells)
+    sides = facets_of(domain.cells, domain.backend)
     outer = sides.sides[sides.order[sides.start[:-1][sides.shared_by == 1]]]
     centred = points - points.mean(axis=0)
     if points.shape[1] == 2:

@@ -156,9 +156,10 @@ def _ridges(constraints: Constraints, normal: np.ndarray, angle: float) -> tuple
     """The ridges (R, 2) of a volume mesh, each once, and the labels of the lines on them, -1 for none."""
     lines, label, two_sided = constraints.lines, constraints.label, constraints.two_sided
     edges, facet = edges_of(constraints.facets)
-    number = numbered(np.concatenate([edges, lines]))
+    backend = constraints.backend
+    number = numbered(np.concatenate([edges, lines]), backend)
     n = int(number.max(initial=-1)) + 1
-    positions, start = group(number[: len(edges)], n)
+    positions, start = backend.twin(group)(number[: len(edges)], n)
     paired = np.diff(start) == 2
     one, other = (facet[positions[start[:-1][paired] + k]] for k in (0, 1))
     cosine = (normal[one] * normal[other]).sum(axis=1)

@@ -8,11 +8,8 @@ The distance found is never less than the distance to the whole manifold.
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 
-from dvr_cli.boundary.freedom import unit
 from dvr_cli.mesh.csr import group, row_entries
 
 _DEGENERATE = 1e-14  # squared sine of an angle up to which a triangle has no inside to speak of
@@ -23,23 +20,29 @@ class Manifold:
     """Segments (k = 2) or triangles (k = 3) in d = 2 or 3 coordinates, in patches that walks do not leave.
 
     points: (N, d); simplices: (F, k) their vertices; patch: (F,) the number of the patch each belongs to.
+    star: those around each vertex, as offsets (N + 1,) and numbers, ascending at each; None to find them.
     """
 
-    def __init__(self, points: np.ndarray, simplices: np.ndarray, patch: np.ndarray) -> None:
-        self.places = points[simplices]
-        self.patch = patch
-        n_patches = int(patch.max(initial=0)) + 1
-        # vertices are numbered anew within each patch
-        keys = simplices.astype(np.int64) * n_patches + patch[:, None]
-        self._vertices = np.unique(keys, return_inverse=True)[1].reshape(simplices.shape)
-        position, self._start = group(self._vertices.ravel(), int(self._vertices.max(initial=-1)) + 1)
-        self._around = position // simplices.shape[1]
+    def __init__(
+        self,
+        points: np.ndarray,
+        simplices: np.ndarray,
+        patch: np.ndarray,
+        star: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> None:
+        self.points, self.simplices, self.patch = points, simplices, patch
+        if star is None:
+            position, start = group(simplices.ravel(), len(points))
+            star = start, position // simplices.shape[1]
+        self._start, self._around = star
 
-    @cached_property
-    def normals(self) -> np.ndarray:
-        """(F, 3) unit normal of each triangle by the right-hand rule, zero where it has no area."""
-        a, b, c = self.places.swapaxes(0, 1)
-        return unit(np.cross(b - a, c - a))
+    def at(self, points: np.ndarray) -> Manifold:
+        """The same with its vertices at ``points`` (N, d)."""
+        return Manifold(points, self.simplices, self.patch, (self._start, self._around))
+
+    def places(self, simplices: np.ndarray) -> np.ndarray:
+        """(n, k, d) where the vertices of simplices (n,) are."""
+        return self.points[self.simplices[simplices]]
 
     def nearest(self, queries: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The point nearest to each of ``queries`` (n, d) around the simplices ``near`` (n,).
@@ -47,15 +50,15 @@ class Manifold:
         Returns the points (n, d), the simplices they lie on (n,), and their distances (n,).
         """
         simplex = near.copy()
-        foot, square = _closest(self.places[simplex], queries)
+        foot, square = _closest(self.places(simplex), queries)
         walking = np.arange(len(queries))
         while len(walking):
             at = simplex[walking]
-            supports = _supports(self.places[at], foot[walking])
+            supports = _supports(self.places(at), foot[walking])
             on_side = ~supports.all(axis=1)  # inside a simplex the foot is nearer than what is around
             walking, at, supports = walking[on_side], at[on_side], supports[on_side]
             rows, candidate, row_start = self._beyond(at, supports)
-            feet, squares = _closest(self.places[candidate], queries[walking[rows]])
+            feet, squares = _closest(self.places(candidate), queries[walking[rows]])
             best = _first_least(squares, row_start)
             nearer = squares[best] < square[walking]
             walking, best = walking[nearer], best[nearer]
@@ -63,17 +66,18 @@ class Manifold:
         return foot, simplex, np.sqrt(square)
 
     def _beyond(self, simplex: np.ndarray, supports: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The simplices that share the vertices marked in ``supports`` (n, k) with each of ``simplex`` (n,).
+        """The simplices of its patch that share the vertices marked in ``supports`` (n, k) with each (n,).
 
         Returns row and simplex of each (E,), row after row, and where rows begin (n + 1,).
         """
-        vertices = self._vertices[simplex]
+        vertices = self.simplices[simplex]
         first, last = supports.argmax(axis=1), supports.shape[1] - 1 - supports[:, ::-1].argmax(axis=1)
         everyone = np.arange(len(simplex))
         entries, row_start = row_entries(self._start, vertices[everyone, first])
         candidate, row = self._around[entries], np.repeat(everyone, np.diff(row_start))
         other = np.where(supports.any(axis=1), vertices[everyone, last], vertices[everyone, first])
-        shares = (self._vertices[candidate] == other[row][:, None]).any(axis=1)
+        shares = (self.simplices[candidate] == other[row][:, None]).any(axis=1)
+        shares &= self.patch[candidate] == self.patch[simplex][row]
         row, candidate = row[shares], candidate[shares]
         return row, candidate, np.concatenate([[0], np.cumsum(np.bincount(row, minlength=len(simplex)))])
 
@@ -127,17 +131,33 @@ def _closest_on_segments(places: np.ndarray, queries: np.ndarray) -> np.ndarray:
 
 
 def _closest_on_triangles(places: np.ndarray, queries: np.ndarray) -> np.ndarray:
-    from trimesh.triangles import closest_point
-
-    # in units of the triangle, from its first vertex: the tolerances of trimesh are absolute
-    origin = places[:, 0]
-    local = places - origin[:, None]
-    size = np.abs(local).max(axis=(1, 2))
-    size[size == 0.0] = 1.0
-    local /= size[:, None, None]
+    """See ``_closest``; the regions around a triangle are told apart as in Ericson's book."""
+    a, b, c = places.swapaxes(0, 1)
+    one, other = b - a, c - a
+    aa, ab, bb = (_dot(u, v) for u, v in ((one, one), (one, other), (other, other)))
     with np.errstate(all="ignore"):
-        foot = closest_point(local, (queries - origin) / size[:, None])
-    one, other = local[:, 1], local[:, 2]
-    aa, ab, bb = (one * one).sum(axis=1), (one * other).sum(axis=1), (other * other).sum(axis=1)
+        (d1, d2), (d3, d4), (d5, d6) = (
+            (_dot(one, queries - corner), _dot(other, queries - corner)) for corner in (a, b, c)
+        )
+        va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+        total = va + vb + vc
+        on_b_c = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        regions = [
+            ((d1 <= 0) & (d2 <= 0), 0.0, 0.0),
+            ((d3 >= 0) & (d4 <= d3), 1.0, 0.0),
+            ((vc <= 0) & (d1 >= 0) & (d3 <= 0), d1 / (d1 - d3), 0.0),
+            ((d6 >= 0) & (d5 <= d6), 0.0, 1.0),
+            ((vb <= 0) & (d2 >= 0) & (d6 <= 0), 0.0, d2 / (d2 - d6)),
+            ((va <= 0) & (d4 >= d3) & (d5 >= d6), 1.0 - on_b_c, on_b_c),
+        ]
+        where = [region for region, _, _ in regions]
+        u = np.select(where, [u for _, u, _ in regions], vb / total)[:, None]
+        w = np.select(where, [w for _, _, w in regions], vc / total)[:, None]
+        foot = a + (u * one + w * other)
     foot[aa * bb - ab * ab <= _DEGENERATE * aa * bb] = np.nan
-    return origin + size[:, None] * foot
+    return foot
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(n,) the inner products of vectors (n, 3)."""
+    return np.asarray((a * b).sum(axis=1))

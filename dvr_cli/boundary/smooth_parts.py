@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dvr_cli.backend import Backend
 from dvr_cli.boundary.constraints import Constraints, edges_of
 from dvr_cli.boundary.features import Features
 from dvr_cli.boundary.freedom import Freedom, unit
@@ -69,7 +70,7 @@ def smooth_parts_of(
     dimension, exact = smooth.freedom.dimension, flat.dimension
     faces = facets if facets.shape[1] > 2 else np.empty((0, 3), dtype=np.int64)
     triangles, facet = triangulated(faces)
-    patch = _patches(faces, ridges)[facet]
+    patch = _patches(faces, ridges, constraints.backend)[facet]
     curve = _curves(ridges, dimension == 1)
 
     plane = _plane(points, triangles, patch, constraints.rounding)
@@ -100,16 +101,16 @@ def smooth_parts_of(
     )
 
 
-def _patches(facets: np.ndarray, ridges: np.ndarray) -> np.ndarray:
+def _patches(facets: np.ndarray, ridges: np.ndarray, backend: Backend) -> np.ndarray:
     """(F,) the number of each facet's patch: facets with a common edge that is no ridge have the same."""
     if not len(facets):
         return np.empty(0, dtype=np.int64)
     edges, owner = edges_of(facets)
-    number = numbered(np.concatenate([edges, ridges]))
+    number = numbered(np.concatenate([edges, ridges]), backend)
     n = int(number.max(initial=-1)) + 1
     parted = np.zeros(n, dtype=bool)
     parted[number[len(edges) :]] = True
-    position, start = group(number[: len(edges)], n)
+    position, start = backend.twin(group)(number[: len(edges)], n)
     pair = start[:-1][(np.diff(start) == 2) & ~parted]
     return _numbers(connected_parts(len(facets), owner[position[pair]], owner[position[pair + 1]]))
 

@@ -24,6 +24,7 @@ from itertools import combinations
 
 import numpy as np
 
+from dvr_cli.backend import Backend
 from dvr_cli.boundary.constraints import Constraints
 from dvr_cli.boundary.freedom import unit
 from dvr_cli.boundary.gaps import frames, gaps, samples
@@ -32,11 +33,14 @@ from dvr_cli.mesh.corners import Simplices
 from dvr_cli.mesh.csr import group, row_entries
 from dvr_cli.mesh.facets import numbered
 from dvr_cli.mesh.orientation import connected_parts
+from dvr_cli.mesh.ranks import distinct
 from dvr_cli.quality.mean_ratio import corner_qualities
 
 _SWEEPS = 10  # at most; two or three are usual
 _MOST = 16  # edges around a vertex that moves, at most
 _GAIN = 1.1  # times as far from the lines around as before a vertex has to come
+_REACH = 4  # rings around a vertex that moves in which triangles may be folded afterwards or no longer,
+_SIGHT = 3  # and rings around these that this depends on
 _FLAT = 1e-9  # determinant of three lines up to which they have no common place
 
 
@@ -69,7 +73,7 @@ def unfold(
     of a volume mesh, None for a surface.
     """
     triangles, facet = triangulated(constraints.facets)
-    everything = _Sheet(points, triangles, angle)
+    everything = _Sheet(triangles, len(points), angle, constraints.backend)
     suspect = triangles[everything.suspects(points)]
     off = np.zeros(len(triangles))
     if not len(suspect):
@@ -79,19 +83,18 @@ def unfold(
     inner = triangles[here[triangles].any(axis=1)]
     here[inner] = True
     near = np.flatnonzero(here[triangles].any(axis=1))
-    sheet = _Sheet(points, triangles[near], angle)
+    sheet = everything.part(near)
     first = sheet.folded(points)
     if not first.any():
         return Unfolding(points, suspect[:0], suspect[:0], off)
-    may = movable & ~constraints.fixed & sheet.closed(len(points))
-    may &= sheet.alike(constraints.label[facet[near]], len(points))
+    may = movable & ~constraints.fixed & sheet.closed() & sheet.alike(constraints.label[facet[near]])
     may[constraints.coincident] = False
     may[constraints.lines] = False
     if constraints.facets.shape[1] > 3:  # quadrilaterals stay as they are
         may[constraints.facets[constraints.facets[:, 3] >= 0]] = False
     mine = np.zeros(len(points), dtype=bool)
     mine[sheet.triangles[first]] = True
-    moved = sheet.unfolded(points, may & mine)
+    moved = sheet.unfolded(points, may & mine, first)
     moved, off[near] = _bounded(points, moved, sheet, bound, corners)
     return Unfolding(moved, sheet.triangles[first], sheet.triangles[sheet.folded(moved)], off)
 
@@ -99,15 +102,20 @@ def unfold(
 class _Sheet:
     """Triangles of a boundary, and what is around each vertex and beyond each edge."""
 
-    def __init__(self, points: np.ndarray, triangles: np.ndarray, angle: float) -> None:
+    def __init__(self, triangles: np.ndarray, n_points: int, angle: float, backend: Backend) -> None:
+        """triangles: (T, 3) of N points. angle: the feature angle in radians. backend: what computes."""
         self.triangles = triangles
+        self._n_points, self._angle, self._backend = n_points, angle, backend
         self._cosine = float(np.cos(angle))
         self._half = float(np.cos(0.5 * angle))
-        self._corner, self._start = group(triangles.ravel(), len(points))
+        self._corner, self._start = backend.twin(group)(triangles.ravel(), n_points)
 
     def suspects(self, points: np.ndarray) -> np.ndarray:
         """(T,) bool: the triangles that turn by more than half the feature angle from the mean normal."""
-        area, mean = self._normals(points)
+        return self._suspects(*self._normals(points))
+
+    def _suspects(self, area: np.ndarray, mean: np.ndarray) -> np.ndarray:
+        """See ``suspects``; area, mean: as ``_normals`` gives them."""
         around = mean[self.triangles].sum(axis=1)
         size = np.sqrt((area * area).sum(axis=1) * (around * around).sum(axis=1))
         return (area * around).sum(axis=1) < self._half * size
@@ -122,7 +130,7 @@ class _Sheet:
         alone = np.flatnonzero(turns)
         away[alone[self._agree(normal, beyond[alone])]] = True
         # of two side by side no other neighbour turns from the mean
-        off = self.suspects(points)
+        off = self._suspects(area, mean)
         partner = np.where((off[beyond] & (beyond >= 0)).sum(axis=1) == 1, off[beyond].argmax(axis=1), -1)
         one = np.flatnonzero(off & turns & (partner >= 0))
         other = beyond[one, partner[one]]
@@ -137,36 +145,66 @@ class _Sheet:
         away[one[agree]], away[other[agree]] = True, True
         return away
 
-    def closed(self, n_points: int) -> np.ndarray:
+    def closed(self) -> np.ndarray:
         """(N,) bool: the vertices at which every edge has two triangles."""
-        sides, name = self._sides()
-        count = np.bincount(name)
-        result = np.ones(n_points, dtype=bool)
-        result[sides[count[name] != 2]] = False
+        result = np.ones(self._n_points, dtype=bool)
+        for k in range(3):
+            single = self.triangles[self._beyond[:, k] < 0]
+            result[single[:, (k + 1) % 3]] = False
+            result[single[:, (k + 2) % 3]] = False
         return result
 
-    def alike(self, label: np.ndarray, n_points: int) -> np.ndarray:
+    def alike(self, label: np.ndarray) -> np.ndarray:
         """(N,) bool: the vertices whose triangles all have the same of the labels (T,)."""
-        least, most = np.full(n_points, np.iinfo(np.int64).max), np.full(n_points, -1)
+        least, most = np.full(self._n_points, np.iinfo(np.int64).max), np.full(self._n_points, -1)
         for column in self.triangles.T:
             np.minimum.at(least, column, label)
             np.maximum.at(most, column, label)
         return least >= most
 
-    def unfolded(self, points: np.ndarray, may: np.ndarray) -> np.ndarray:
-        """The points (N, 3) with those vertices that ``may`` ((N,) bool) moved to where nothing is folded."""
-        points = points.copy()
+    def unfolded(self, points: np.ndarray, may: np.ndarray, folded: np.ndarray) -> np.ndarray:
+        """The points (N, 3) with those vertices that ``may`` ((N,) bool) moved to where nothing is folded.
+
+        folded: (T,) bool, the triangles that are folded where the points are.
+        """
+        points, folded = points.copy(), folded.copy()
         for _ in range(_SWEEPS):
-            folded = self.folded(points)
-            vertices = np.unique(self.triangles[folded])
-            vertices = vertices[may[vertices] & self._smooth(points, folded)[vertices]]
-            vertices, places, room = self._places(points, vertices)
-            chosen = self._apart(vertices[np.argsort(-room, kind="stable")], len(points))
+            vertices = distinct(self.triangles[folded].ravel())
+            vertices = vertices[may[vertices]]
+            if not len(vertices):
+                break
+            around = self._touching(vertices)
+            star = self.part(around)
+            vertices = vertices[star._smooth(points, folded[around])[vertices]]
+            vertices, places, room = star._places(points, vertices)
+            chosen = star._apart(vertices[np.argsort(-room, kind="stable")], len(points))
             if not chosen.any():
                 break
             here = chosen[vertices]
             points[vertices[here]] = places[here]
+            changed = self._within(_REACH, vertices[here])
+            near = self._within(_REACH + _SIGHT, vertices[here])
+            folded[changed] = self.part(near).folded(points)[np.searchsorted(near, changed)]
         return points
+
+    def part(self, triangles: np.ndarray) -> _Sheet:
+        """Some of the triangles ((n,) numbers) as a sheet."""
+        return _Sheet(self.triangles[triangles], self._n_points, self._angle, self._backend)
+
+    def _touching(self, vertices: np.ndarray) -> np.ndarray:
+        """(n,) the triangles around vertices (m,), ascending."""
+        here = np.zeros(len(self.triangles), dtype=bool)
+        here[self._corner[row_entries(self._start, vertices)[0]] // 3] = True
+        return np.flatnonzero(here)
+
+    def _within(self, rings: int, vertices: np.ndarray) -> np.ndarray:
+        """(n,) the triangles within so many rings around vertices (m,), ascending."""
+        triangles = self._touching(vertices)
+        for _ in range(1, rings):
+            reached = np.zeros(self._n_points, dtype=bool)
+            reached[self.triangles[triangles]] = True
+            triangles = self._touching(np.flatnonzero(reached))
+        return triangles
 
     def gaps(self, before: np.ndarray, after: np.ndarray, part: np.ndarray) -> np.ndarray:
         """(T,) how far the triangles that moved are from the sheet as it was, and the other way, at most.
@@ -231,16 +269,12 @@ class _Sheet:
         )
         return area, mean
 
-    def _sides(self) -> tuple[np.ndarray, np.ndarray]:
-        """The sides (3 T, 2) of the triangles, side k opposite vertex k, and the number of each edge."""
-        sides = self.triangles[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
-        return sides, numbered(sides)
-
     @cached_property
     def _beyond(self) -> np.ndarray:
         """(T, 3) the triangle across each edge, -1 where there is not exactly one."""
-        _, name = self._sides()
-        position, start = group(name, int(name.max(initial=-1)) + 1)
+        sides = self.triangles[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
+        name = numbered(sides, self._backend)
+        position, start = self._backend.twin(group)(name, int(name.max(initial=-1)) + 1)
         pair = start[:-1][np.diff(start) == 2]
         one, other = position[pair], position[pair + 1]
         beyond = np.full(len(name), -1)

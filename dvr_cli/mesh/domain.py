@@ -158,8 +158,7 @@ def domain_of(
     points = np.require(points, np.float64, ["C", "W"])
     as_stored = corners_of(stored, dimension)
     if points.shape[1] > dimension:  # either side of a surface may be its upper one
-        backend = NUMPY
-        mirrored = unlike_cells(np.ones(len(as_stored.start) - 1), stored)
+        mirrored = unlike_cells(np.ones(len(as_stored.start) - 1), stored, backend)
     else:
         measures = as_stored.by_cell(np.add, backend.twin(determinants)(points, as_stored.vertices))
         mirrored = mirrored_cells(measures, stored, backend)

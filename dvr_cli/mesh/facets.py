@@ -62,7 +62,7 @@ class Facets:
 def facets_of(blocks: list[Cells], backend: Backend = NUMPY) -> Facets:
     """The facets of blocks of linear cells of one dimension; cells are numbered through the blocks.
 
-    backend: what computes; the result is the same but for the order of the facets.
+    backend: what computes; the result is the same but for the order of equal facets.
     """
     local = [CELL_TYPES[block.type].facets for block in blocks]
     width = max((len(facet) for facets in local for facet in facets), default=2)
@@ -82,9 +82,12 @@ def facets_of(blocks: list[Cells], backend: Backend = NUMPY) -> Facets:
     return Facets(vertices, cell, order, np.append(np.flatnonzero(new), len(cell)))
 
 
-def numbered(rows: np.ndarray) -> np.ndarray:
-    """(n,) a number from 0 for each of ``rows`` ((n, w) point indices, -1 for none), equal for equal sets."""
-    order, new = facet_order(rows, int(rows.max(initial=-1)) + 1)
+def numbered(rows: np.ndarray, backend: Backend = NUMPY) -> np.ndarray:
+    """(n,) a number from 0 for each of ``rows`` ((n, w) point indices, -1 for none), equal for equal sets.
+
+    backend: what computes; the result is the same.
+    """
+    order, new = backend.twin(facet_order)(rows, int(rows.max(initial=-1)) + 1)
     number = np.empty(len(rows), dtype=np.int64)
     number[order] = np.cumsum(new) - 1
     return number

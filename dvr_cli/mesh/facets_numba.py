@@ -10,15 +10,20 @@ from dvr_cli.mesh.csr_numba import group
 
 @compiled
 def facet_order(vertices: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """As ``facets.facet_order``: an order that puts facets with the same vertices together, and where each
-    group begins. n: number of points.
+    """As ``facets.facet_order``, but that equal facets are in the order of their rows.
 
-    Facets are grouped by their largest vertex; the few of one group are sorted by the others.
+    Facets are grouped by their number of vertices and the smallest; the few of one group are sorted by the
+    others.
     """
     m, width = vertices.shape
-    largest = np.empty(m, dtype=np.int32)
-    smallest_two = np.empty(m, dtype=np.int64)
-    third = np.zeros(m, dtype=np.int32)
+    fewest = width
+    for i in range(m):
+        missing = 0
+        for k in range(width):
+            missing += vertices[i, k] < 0
+        fewest = min(fewest, width - missing)
+    place = np.empty(m, dtype=np.int64)
+    next_two, last = np.zeros(m, dtype=np.int64), np.zeros(m if width == 4 else 0, dtype=np.int64)
     row = np.empty(width, dtype=np.int64)
     for i in range(m):
         for k in range(width):  # insertion sort of the row
@@ -27,24 +32,33 @@ def facet_order(vertices: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
                 row[j] = row[j - 1]
                 j -= 1
             row[j] = vertices[i, k]
-        largest[i] = row[width - 1]
-        smallest_two[i] = (row[0] + 1) * (n + 1) + row[1]
-        if width == 4:
-            third[i] = row[2]
-    order, start = group(largest, n)
+        first = 0
+        while first < width and row[first] < 0:
+            first += 1
+        place[i] = (width - first - fewest) * n + (row[first] if first < width else 0)
+        for k in range(first + 1, min(first + 3, width)):
+            next_two[i] = next_two[i] * (n + 1) + row[k] + 1
+        if first + 3 < width:
+            last[i] = row[first + 3]
+    order, start = group(place, (width - fewest + 1) * n)
     new = np.ones(m, dtype=np.bool_)
-    for g in range(n):
-        for i in range(start[g] + 1, start[g + 1]):
-            facet, key, last = order[i], smallest_two[order[i]], third[order[i]]
+    keys, more = next_two[order], last[order[: len(last)]]
+    for g in range(len(start) - 1):
+        lo = start[g]
+        for i in range(lo + 1, start[g + 1]):
+            facet, key = order[i], keys[i]
+            third = more[i] if width == 4 else 0
             j = i
-            while j > start[g]:
-                before = order[j - 1]
-                if smallest_two[before] < key or (smallest_two[before] == key and third[before] <= last):
+            while j > lo and keys[j - 1] >= key:
+                if keys[j - 1] == key and (width < 4 or more[j - 1] <= third):
                     break
-                order[j] = before
+                order[j], keys[j] = order[j - 1], keys[j - 1]
+                if width == 4:
+                    more[j] = more[j - 1]
                 j -= 1
-            order[j] = facet
-        for i in range(start[g] + 1, start[g + 1]):
-            one, other = order[i - 1], order[i]
-            new[i] = smallest_two[one] != smallest_two[other] or third[one] != third[other]
+            order[j], keys[j] = facet, key
+            if width == 4:
+                more[j] = third
+        for i in range(lo + 1, start[g + 1]):
+            new[i] = keys[i] != keys[i - 1] or (width == 4 and more[i] != more[i - 1])
     return order, new

@@ -29,20 +29,18 @@ def altitude_and_conduction(
     size are zero, and then the second is infinite.
     backend: what computes; the result is the same.
     """
-    in_space = points.shape[1] == vertices.shape[1]
-    function = extremes if in_space else backend.twin(extremes)
-    least, sharpest = function(np.ascontiguousarray(points), vertices)
+    least, sharpest = backend.twin(extremes)(np.ascontiguousarray(points), vertices)
     return float(least), vertices.shape[1] * float(sharpest)
 
 
-def extremes(points: np.ndarray, vertices: np.ndarray) -> tuple[float, float]:
+def extremes(points: np.ndarray, corners: np.ndarray) -> tuple[float, float]:
     """The smallest altitude of all simplices, and the largest Σ 1/h² of any; see ``altitude_and_conduction``.
 
     Of none they are infinity and 0.
     """
     least, sharpest = np.inf, 0.0
-    for chunk in chunks(len(vertices)):
-        edges, v = edges_and_determinant(points, vertices[chunk])
+    for chunk in chunks(len(corners)):
+        edges, v = edges_and_determinant(points, corners[chunk])
         facets = squared_facets(edges)
         largest, total = facets[0], facets[0]
         for facet in facets[1:]:

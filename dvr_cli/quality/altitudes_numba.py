@@ -4,22 +4,34 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import PLANAR, compiled_by_kind, inlined
+from dvr_cli.jit import ON_SURFACE, PLANAR, compiled_by_kind, inlined
 
 
 @compiled_by_kind
-def extremes(points: np.ndarray, vertices: np.ndarray) -> tuple[float, float]:
-    """As ``altitudes.extremes``, for planar and volume meshes."""
+def extremes(points: np.ndarray, corners: np.ndarray) -> tuple[float, float]:
+    """As ``altitudes.extremes``."""
     least, sharpest = np.inf, 0.0
-    for c in range(len(vertices)):
+    for c in range(len(corners)):
         if PLANAR:
-            v, largest, total = plane_facets(points, vertices[c, 0], vertices[c, 1], vertices[c, 2])
+            v, largest, total = plane_facets(points, corners[c, 0], corners[c, 1], corners[c, 2])
+        elif ON_SURFACE:
+            v, largest, total = surface_facets(points, corners[c, 0], corners[c, 1], corners[c, 2])
         else:
-            o, p, q, r = vertices[c, 0], vertices[c, 1], vertices[c, 2], vertices[c, 3]
+            o, p, q, r = corners[c, 0], corners[c, 1], corners[c, 2], corners[c, 3]
             v, largest, total = space_facets(points, o, p, q, r)
         least = min(least, 0.0 if v == 0.0 else v / np.sqrt(largest))
         sharpest = max(sharpest, np.inf if v == 0.0 else total / (v * v))
     return least, sharpest
+
+
+@inlined
+def surface_facets(points: np.ndarray, o: int, p: int, q: int) -> tuple[float, float, float]:
+    """Twice the area of a triangle in space, and the largest and the sum of its squared sides."""
+    e0, e1, e2 = points[p, 0] - points[o, 0], points[p, 1] - points[o, 1], points[p, 2] - points[o, 2]
+    f0, f1, f2 = points[q, 0] - points[o, 0], points[q, 1] - points[o, 1], points[q, 2] - points[o, 2]
+    g0, g1, g2 = f0 - e0, f1 - e1, f2 - e2
+    a, b, c = e0 * e0 + e1 * e1 + e2 * e2, f0 * f0 + f1 * f1 + f2 * f2, g0 * g0 + g1 * g1 + g2 * g2
+    return np.sqrt(_squared_face(e0, e1, e2, f0, f1, f2)), max(max(a, b), c), a + b + c
 
 
 @inlined

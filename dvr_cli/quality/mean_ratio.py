@@ -53,9 +53,8 @@ def corner_qualities(
     """
     # allocated here: NumPy is slow with the type of arrays that come from numba
     v, s = np.empty(len(corners.vertices)), np.empty(len(corners.vertices))
-    terms = corner_terms if points.shape[1] > corners.dimension else backend.twin(corner_terms)
     table = corners.table
-    terms(points, corners.vertices, corners.shapes, table.norm, v, s)
+    backend.twin(corner_terms)(points, corners.vertices, corners.shapes, table.norm, v, s)
     if len(table.factor):
         backend.twin(metric_norms)(points, corners.vertices, corners.shapes, table.norm, table.factor, s)
     quality = mean_ratio(v, s, corners.dimension)
@@ -73,15 +72,15 @@ def mean_quality(qualities: np.ndarray) -> float:
 
 def corner_terms(
     points: np.ndarray,
-    vertices: np.ndarray,
+    corners: np.ndarray,
     shapes: np.ndarray,
     norm: np.ndarray,
     v: np.ndarray,
     s: np.ndarray,
 ) -> None:
-    """Fill ``v`` and ``s`` ((C,) each) with the terms of Q of the corners ``vertices`` (C, d+1)."""
-    for chunk in chunks(len(vertices)):
-        edges, v[chunk] = edges_and_determinant(points, vertices[chunk])
+    """Fill ``v`` and ``s`` ((C,) each) with the terms of Q of ``corners`` (C, d+1)."""
+    for chunk in chunks(len(corners)):
+        edges, v[chunk] = edges_and_determinant(points, corners[chunk])
         s[chunk] = weighted_norm(edges, norm[shapes[chunk, 0]].T)
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import PLANAR, compiled_by_kind, inlined
+from dvr_cli.jit import ON_SURFACE, PLANAR, compiled_by_kind, inlined
 from dvr_cli.mesh.simplex_numba import determinant_2d, determinant_3d
 
 
 @compiled_by_kind
 def corner_terms(
     points: np.ndarray,
-    vertices: np.ndarray,
+    corners: np.ndarray,
     shapes: np.ndarray,
     norm: np.ndarray,
     v: np.ndarray,
@@ -21,11 +21,13 @@ def corner_terms(
 
     norm: as in ``ShapeTable``.
     """
-    for c in range(len(vertices)):
+    for c in range(len(corners)):
         if PLANAR:
-            v[c], s[c] = corner_terms_2d(points, vertices[c], norm, shapes[c, 0])
+            v[c], s[c] = corner_terms_2d(points, corners[c], norm, shapes[c, 0])
+        elif ON_SURFACE:
+            v[c], s[c] = corner_terms_on_surface(points, corners[c], norm, shapes[c, 0])
         else:
-            v[c], s[c] = corner_terms_3d(points, vertices[c], norm, shapes[c, 0])
+            v[c], s[c] = corner_terms_3d(points, corners[c], norm, shapes[c, 0])
 
 
 @compiled_by_kind
@@ -108,3 +110,18 @@ def corner_terms_3d(points: np.ndarray, corner: np.ndarray, norm: np.ndarray, k:
     s = s + norm[k, 4] * (e0 * g0 + e1 * g1 + e2 * g2)
     s = s + norm[k, 5] * (f0 * g0 + f1 * g1 + f2 * g2)
     return determinant_3d(points, corner), s
+
+
+@inlined
+def corner_terms_on_surface(
+    points: np.ndarray, corner: np.ndarray, norm: np.ndarray, k: int
+) -> tuple[float, float]:
+    """(v, s) of one triangle in space with row k of the shape table; v is twice its area."""
+    x, p, q = points[corner[0]], points[corner[1]], points[corner[2]]
+    e0, e1, e2 = p[0] - x[0], p[1] - x[1], p[2] - x[2]
+    f0, f1, f2 = q[0] - x[0], q[1] - x[1], q[2] - x[2]
+    a0, a1, a2 = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
+    s = norm[k, 0] * (e0 * e0 + e1 * e1 + e2 * e2)
+    s = s + norm[k, 1] * (f0 * f0 + f1 * f1 + f2 * f2)
+    s = s + norm[k, 2] * (e0 * f0 + e1 * f1 + e2 * f2)
+    return np.sqrt(a0 * a0 + a1 * a1 + a2 * a2), s

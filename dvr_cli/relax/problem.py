@@ -168,7 +168,7 @@ def build_problem(
         from dvr_cli.relax.surface.carriers import carriers_of  # only where vertices walk
 
         walk_start = batch_start[:-1] + np.array(free, dtype=np.int64)
-        carriers = carriers_of(corners, points, parts, number, rings, touched, touched_ids)
+        carriers = carriers_of(corners, points, parts, number, rings, touched, touched_ids, backend)
     return Problem(
         order=morton,
         rings=rings,

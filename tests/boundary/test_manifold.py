@@ -32,7 +32,8 @@ def test_a_walk_on_the_near_side_of_a_sphere_finds_the_nearest_point(scale):
     queries = rng.standard_normal((200, 3))
     queries *= scale * rng.uniform(1.05, 1.5, 200)[:, None] / np.linalg.norm(queries, axis=1)[:, None]
     manifold = on_one(points, triangles)
-    facing = np.einsum("qfd,fd->qf", queries[:, None] - points[triangles[:, 0]], manifold.normals) > 0
+    a, b, c = (points[column] for column in triangles.T)
+    facing = np.einsum("qfd,fd->qf", queries[:, None] - a, np.cross(b - a, c - a)) > 0
     starts = np.array([rng.choice(np.flatnonzero(row)) for row in facing])
     foot, at, distance = manifold.nearest(queries, starts)
     np.testing.assert_allclose(distance, distances(queries, points, triangles), rtol=1e-9)

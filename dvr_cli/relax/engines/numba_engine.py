@@ -72,13 +72,12 @@ class NumbaEngine(Engine):
         return polish_rings(self._points, lo, hi, self._rows, freedom, float(limit), aim, self._scratch())
 
     def qualities(self) -> np.ndarray:
-        if self.problem.is_surface:
-            return super().qualities()
-        touched = self.problem.touched
+        touched, turned = self.problem.touched, self.turned
         result = np.empty(len(touched.vertices))
 
         def part(lo: int, hi: int) -> None:
-            result[lo:hi] = corner_qualities(self._points, touched.part(slice(lo, hi)), COMPILED)
+            inverted = None if turned is None else turned[lo:hi]
+            result[lo:hi] = corner_qualities(self._points, touched.part(slice(lo, hi)), COMPILED, inverted)
 
         self._in_parts(part, 0, len(result))
         return result

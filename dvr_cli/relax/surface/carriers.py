@@ -18,8 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dvr_cli.backend import NUMPY, Backend
 from dvr_cli.boundary.deviation import deviation
 from dvr_cli.boundary.freedom import Freedom, unit
+from dvr_cli.boundary.manifold import Manifold
 from dvr_cli.boundary.smooth_parts import SmoothParts
 from dvr_cli.boundary.walls import thickness, width
 from dvr_cli.mesh.corners import Corners, Simplices
@@ -209,8 +211,7 @@ class Carriers:
 
         Measured from both sides. standing: where vertices stand, with bounds that hold.
         """
-        ground = self.ground
-        before = self.before
+        ground, stars, before = self.ground, self.stars, self.before
         near = np.arange(len(ground.triangles))
         for column in ground.triangles.T[::-1]:
             near = np.where(standing.kind[column] == SURFACE, standing.at[column], near)
@@ -218,9 +219,11 @@ class Carriers:
         for column in ground.segments.T:
             along = np.where(standing.kind[column] == CURVE, standing.at[column], along)
         triangles, segments = self.apart(standing)
+        surface = Manifold(before, ground.triangles, ground.patch, (stars.triangle_start, stars.triangle))
+        curves = Manifold(before, ground.segments, self.curve)
         return max(
-            deviation(before, points, ground.triangles, ground.patch, near, triangles),
-            deviation(before, points, ground.segments, self.curve, along, segments),
+            deviation(surface, points, near, triangles),
+            deviation(curves, points, along, segments),
         )
 
     def tangents(self, standing: Standing, vertices: np.ndarray) -> Freedom:
@@ -264,13 +267,14 @@ def carriers_of(
     rings: Rings,
     touched: Simplices,
     touched_ids: np.ndarray,
+    backend: Backend = NUMPY,
 ) -> Carriers:
     """The carriers of a problem.
 
     corners, points, parts: of the mesh, whose vertices have the ``number`` (N,) in the problem. rings,
-    touched, touched_ids: the problem's.
+    touched, touched_ids: the problem's. backend: what computes; the result is the same.
     """
-    ground = ground_of(points, parts, number)
+    ground = ground_of(points, parts, number, backend)
     before = np.empty_like(parts.before)
     before[number] = parts.before
     of_rings = RingCorners(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
@@ -278,14 +282,14 @@ def carriers_of(
     if points.shape[1] > corners.dimension:
         ring = np.full(len(points), -1)
         ring[rings.vertices] = np.arange(len(rings.vertices))
-        position, _ = group(ring[touched.vertices.ravel()], len(rings.vertices))
+        position, _ = backend.twin(group)(ring[touched.vertices.ravel()], len(rings.vertices))
         cell = np.repeat(np.arange(len(corners.start) - 1), np.diff(corners.start))
         triangle = np.searchsorted(parts.facet, cell)[touched_ids]
         of_rings = RingCorners(position // 3, triangle[position // 3])
         turned = turned_over(points, corners, cell_normals(points, corners))[touched_ids]
     return Carriers(
         ground=ground,
-        stars=stars_of(ground),
+        stars=stars_of(ground, backend),
         corners=of_rings,
         before=before,
         on_surface=number[parts.on_patch],
@@ -295,8 +299,11 @@ def carriers_of(
     )
 
 
-def ground_of(points: np.ndarray, parts: SmoothParts, number: np.ndarray) -> Ground:
-    """The ground that ``parts`` are; points: (N, d) of the input, number: (N,) the problem's of each."""
+def ground_of(points: np.ndarray, parts: SmoothParts, number: np.ndarray, backend: Backend) -> Ground:
+    """The ground that ``parts`` are.
+
+    points: (N, d) of the input; number: (N,) the problem's of each; backend: what computes.
+    """
     places = np.zeros((len(points), 3))
     places[number, : points.shape[1]] = points
     triangles = number[parts.triangles].astype(np.int32).reshape(-1, 3)
@@ -315,7 +322,7 @@ def ground_of(points: np.ndarray, parts: SmoothParts, number: np.ndarray) -> Gro
     return Ground(
         places=places,
         triangles=triangles,
-        beyond=_beyond(triangles, segments, flat),
+        beyond=_beyond(triangles, segments, flat, backend),
         normals=normals,
         patch=parts.patch.astype(np.int32),
         plane=plane[parts.patch],
@@ -329,19 +336,20 @@ def ground_of(points: np.ndarray, parts: SmoothParts, number: np.ndarray) -> Gro
     )
 
 
-def stars_of(ground: Ground) -> Stars:
-    """The stars of all vertices."""
+def stars_of(ground: Ground, backend: Backend) -> Stars:
+    """The stars of all vertices; backend: what computes."""
+    grouped = backend.twin(group)
     n, triangles, segments = len(ground.places), ground.triangles, ground.segments
-    position, triangle_start = group(triangles.ravel(), n)
+    position, triangle_start = grouped(triangles.ravel(), n)
     sides = np.sort(triangles[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2), axis=1)
     both = np.concatenate([np.sort(segments, axis=1), sides])
-    name = numbered(both)
+    name = numbered(both, backend)
     edges = int(name.max(initial=-1)) + 1
     ends, of = np.empty((edges, 2), dtype=np.int32), np.empty(edges, dtype=np.int32)
     ends[name[::-1]] = both[::-1]
     of[name[len(segments) :]] = np.arange(len(sides)) // 3
     of[name[: len(segments)]] = -1 - np.arange(len(segments))
-    at, edge_start = group(ends.ravel(), n)
+    at, edge_start = grouped(ends.ravel(), n)
     return Stars(
         triangle_start=triangle_start,
         triangle=(position // 3).astype(np.int32),
@@ -352,14 +360,14 @@ def stars_of(ground: Ground) -> Stars:
     )
 
 
-def _beyond(triangles: np.ndarray, segments: np.ndarray, flat: np.ndarray) -> np.ndarray:
+def _beyond(triangles: np.ndarray, segments: np.ndarray, flat: np.ndarray, backend: Backend) -> np.ndarray:
     """(T, 3) the facet across the edge opposite each vertex; see Ground. flat: (T,) those without area."""
     sides = triangles[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
-    name = numbered(np.concatenate([sides, segments]))
+    name = numbered(np.concatenate([sides, segments]), backend)
     n = int(name.max(initial=-1)) + 1
     parted = np.zeros(n, dtype=bool)
     parted[name[len(sides) :]] = True
-    position, start = group(name[: len(sides)], n)
+    position, start = backend.twin(group)(name[: len(sides)], n)
     pair = start[:-1][(np.diff(start) == 2) & ~parted]
     one, other = position[pair], position[pair + 1]
     passable = ~flat[one // 3] & ~flat[other // 3]
