@@ -125,7 +125,7 @@ def engine_for(domain: Domain, contender: Contender) -> Engine:
 
 def random_directions(engine: Engine, sweeps: int) -> list[np.ndarray]:
     """The random directions of the first sweeps, (m, d) each, in the order of the engine's rings."""
-    field = random_field(engine.problem.dimension, seed=0, backend=engine.backend)
+    field = random_field(engine.problem.components, seed=0, backend=engine.backend)
     vertices = engine.problem.relaxed
     return [field(sweep, engine.relaxed_points, vertices) for sweep in range(sweeps)]
 

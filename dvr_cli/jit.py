@@ -104,8 +104,8 @@ def inlined(function: _Function) -> _Function:
 def compiled_by_kind(function: _Function) -> _Function:
     """``function`` compiled for each kind of mesh by itself, when first called for one.
 
-    Its arguments say which kind: ``points``, and ``factor`` (of a ``ShapeTable``), or what has these, and
-    ``patch`` by the corners it has.
+    Its arguments say which kind: ``points``, and ``factor`` (of a ``ShapeTable``), or what has these; and
+    ``corners``, ``patch`` and ``walk`` by how many vertices their corners have.
     """
     return cast(_Function, _ByKind(function))
 
@@ -120,11 +120,12 @@ class _ByKind:
         self._kernels: dict[_Kind, Callable[..., Any]] = {}
         names = function.__code__.co_varnames[: function.__code__.co_argcount]
         self._points, self._factor = _place(names, "points"), _place(names, "factor")
-        self._corners = _place(names, "corners")
+        self._corners, self._others = _place(names, "corners"), _place(names, "others")
 
     def __call__(self, *args: Any) -> Any:
-        planar, corners = self._points(args).shape[1] == 2, self._corners(args)
-        on_surface = not planar and len(corners) > 0 and corners.shape[1] == 3
+        planar, corners, others = self._points(args).shape[1] == 2, self._corners(args), self._others(args)
+        vertices = corners.shape[1] if len(corners) else others.shape[1] + 1 if len(others) else 0
+        on_surface = not planar and vertices == 3
         return self.of(planar, len(self._factor(args)) > 0, on_surface)(*args)
 
     def of(self, planar: bool, measured: bool, on_surface: bool = False) -> Callable[..., Any]:
@@ -155,6 +156,7 @@ _HOLDERS = {
     "points": {"walk": "points"},
     "factor": {"rings": "factor", "patch": "factor", "walk": "rings.factor"},
     "corners": {"patch": "vertices"},
+    "others": {"walk": "rings.others"},
 }
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dvr_cli.backend import COMPILED, NUMPY
-from dvr_cli.mesh import facets, interior, repeated, rings, simplex
+from dvr_cli.mesh import csr, facets, interior, repeated, rings, simplex
 from dvr_cli.quality import altitudes, angles, mean_ratio, vector
 from dvr_cli.relax import altitudes as altitude_rule
 from dvr_cli.relax import problem, ring_qualities, schedule
@@ -16,7 +16,7 @@ from dvr_cli.relax.patches import neighbourhoods, solver
 from needs import require
 
 TWINS = (
-    *(facets.facet_order, interior.cancel_facets, interior.cancel_facets_of_simplices),
+    *(csr.group, facets.facet_order, interior.cancel_facets, interior.cancel_facets_of_simplices),
     *(repeated.summed, rings.incidence, rings.rings, simplex.determinants),
     *(altitudes.extremes, angles.with_extreme_cosines, angles.with_extreme_turns),
     angles.tetrahedra_with_extreme_cosines,
@@ -45,3 +45,27 @@ def test_determinants_of_twins_agree_to_the_bit():
     vertices = np.argsort(generator.random((200, 50)), axis=1)[:, :4].astype(np.int32)
     plain = simplex.determinants(points, vertices)
     assert COMPILED.twin(simplex.determinants)(points, vertices).tobytes() == plain.tobytes()
+
+
+def test_triangles_in_space_get_the_same_bits_of_twins():
+    require("numba")
+    generator = np.random.default_rng(4)
+    points = generator.random((50, 3))
+    corners = np.argsort(generator.random((200, 50)), axis=1)[:, :3].astype(np.int32)
+    norm, shapes = np.array([[1.0, 2.0, -0.5]]), np.zeros((200, 3), dtype=np.int32)
+    found = []
+    for backend in (NUMPY, COMPILED):
+        v, s = np.empty(200), np.empty(200)
+        backend.twin(mean_ratio.corner_terms)(points, corners, shapes, norm, v, s)
+        least = backend.twin(altitudes.extremes)(points, corners)
+        found.append((v.tobytes(), s.tobytes(), least))
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("width", [2, 3, 4])
+def test_facets_get_the_same_numbers_of_twins(width):
+    require("numba")
+    generator = np.random.default_rng(width)
+    rows = np.argsort(generator.random((400, 9)), axis=1)[:, :width].astype(np.int32)
+    rows[generator.random(400) < 0.3, 2:] = -1  # shorter ones
+    assert facets.numbered(rows, COMPILED).tolist() == facets.numbered(rows).tolist()

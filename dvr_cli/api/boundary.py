@@ -172,9 +172,9 @@ def change_of(domain: Domain, points: np.ndarray, deviation: float, bound: float
 
     deviation: how far it is from the input's, and bound: how far it may be.
     """
-    from dvr_cli.boundary.extent import extent
+    from dvr_cli.boundary.extent import extents
 
-    (volume, area), (new_volume, new_area) = extent(domain, domain.points), extent(domain, points)
+    (volume, area), (new_volume, new_area) = extents(domain, domain.points, points)
     return BoundaryChange(
         deviation=deviation,
         max_deviation=bound,

@@ -166,7 +166,7 @@ def surface_constraints(mesh: Mesh, domain: Domain) -> Constraints:
         line_label=line_label,
         fixed=fixed,
         hanging=np.empty(0, dtype=np.int64),
-        coincident=coincident_vertices(domain.points, np.unique(facets[facets >= 0])),
+        coincident=coincident_vertices(domain.points, _vertices(facets)),
         rounding=ROUNDING * float(np.abs(mesh.points).max(initial=0.0)),
         backend=domain.backend,
     )
@@ -233,6 +233,13 @@ def _in_point_sets(mesh: Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def _widened(rows: np.ndarray, width: int) -> np.ndarray:
     """Rows (n, w) cut or filled with -1 to a width that all of them fit."""
     return np.pad(rows[:, :width], ((0, 0), (0, max(0, width - rows.shape[1]))), constant_values=-1)
+
+
+def _vertices(facets: np.ndarray) -> np.ndarray:
+    """(n,) the vertices of facets ((F, w), shorter rows end in -1), ascending."""
+    used = np.zeros(int(facets.max(initial=0)) + 2, dtype=bool)
+    used[facets] = True  # the last is for -1
+    return np.flatnonzero(used[:-1])
 
 
 def _fix(fixed: np.ndarray, rows: np.ndarray) -> None:

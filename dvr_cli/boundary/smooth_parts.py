@@ -18,6 +18,7 @@ from dvr_cli.boundary.constraints import Constraints, edges_of
 from dvr_cli.boundary.features import Features
 from dvr_cli.boundary.freedom import Freedom, unit
 from dvr_cli.boundary.triangles import triangulated
+from dvr_cli.boundary.unconnected import coincident_vertices
 from dvr_cli.boundary.unfolding import Unfolding
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.facets import numbered
@@ -141,10 +142,9 @@ def _plane(points: np.ndarray, triangles: np.ndarray, patch: np.ndarray, roundin
 
 def _coincident(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
     """(N,) bool: the vertices of the facets that lie where another one of them does."""
-    vertices = np.unique(facets[facets >= 0])
-    _, where, count = np.unique(points[vertices], axis=0, return_inverse=True, return_counts=True)
-    result = np.zeros(len(points), dtype=bool)
-    result[vertices[count[where.ravel()] > 1]] = True
+    used, result = np.zeros(len(points) + 1, dtype=bool), np.zeros(len(points), dtype=bool)
+    used[facets] = True  # the last is for -1
+    result[coincident_vertices(points, np.flatnonzero(used[:-1]))] = True
     return result
 
 

@@ -58,6 +58,12 @@ def hanging_vertices(
 
 def coincident_vertices(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """The vertices among ``vertices`` (m,) that are in the very place of another one of them."""
+    number = boxes(points[vertices])
+    ascending = np.sort(number)
+    again = ascending[1:][ascending[1:] == ascending[:-1]]
+    if not len(again):  # the rule, found in a tenth of the time
+        return vertices[:0]
+    vertices = vertices[np.isin(number, again)]
     places = points[vertices] + 0.0  # of -0.0 and 0.0 one
     _, number, count = np.unique(places, axis=0, return_inverse=True, return_counts=True)
     return vertices[count[number.ravel()] > 1]

@@ -14,6 +14,7 @@ from scipy.optimize import linprog
 from curved_parts import apart, distances, wavy
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.smoothing import smooth_mesh
+from dvr_cli.boundary import unfolding
 from dvr_cli.boundary.constraints import constraints_of, surface_constraints
 from dvr_cli.boundary.gaps import frames, gaps, samples
 from dvr_cli.boundary.unfolding import Unfolding, _roomiest, unfold
@@ -73,6 +74,19 @@ def inward(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(T,) bool, the triangles of a sphere around the origin whose normals point to its middle."""
     a, b, c = points[triangles].swapaxes(0, 1)
     return (np.cross(b - a, c - a) * (a + b + c)).sum(axis=1) < 0
+
+
+def test_only_what_is_near_a_vertex_that_moved_is_looked_at_again(monkeypatch):
+    ball = trimesh.creation.icosphere(3)
+    noise = 0.4 * ball.edges_unique_length.mean() * np.random.default_rng(5).normal(size=ball.vertices.shape)
+    mesh = Mesh(ball.vertices + noise, [Cells("triangle", np.array(ball.faces))])
+    near = unfolded(mesh)
+    assert len(near.folded) > len(near.left) > 0
+    assert (near.points != mesh.points).any(axis=1).sum() > 10
+    monkeypatch.setattr(unfolding, "_REACH", 100)  # all of it
+    everywhere = unfolded(mesh)
+    assert near.points.tobytes() == everywhere.points.tobytes()
+    assert near.left.tolist() == everywhere.left.tolist()
 
 
 def test_a_vertex_pushed_over_an_edge_comes_back():

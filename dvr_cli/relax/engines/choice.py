@@ -24,8 +24,8 @@ _REPAYS_COMPILING = 2_000_000  # the same where the kernels have to be compiled 
 _USUAL_SWEEPS = 20
 _PATCHES = 2000  # sweeps of NumPy that patches cost as much as
 # Kernels that all runs of a sort compile, by folder of ``relax``, some of which set the run up; there is one
-# of each name for each kind of mesh, "2d" or "3d", of some another one in a metric. Surfaces need those of
-# "surface" alone.
+# of each name for each kind of mesh, "2d" or "3d", of some another one in a metric or on a surface. Surfaces
+# need those of "surface" alone.
 _KERNELS = {
     ".": (
         "mesh.rings_numba.rings",
@@ -41,8 +41,8 @@ _KERNELS = {
     ),
     "surface": (
         "mesh.rings_numba.rings",
-        "relax.surface.walk.walk_directions_{kind}{metric}",
-        "relax.surface.walk.walk_rings_{kind}{metric}",
+        "relax.surface.walk.walk_directions_{kind}{metric}{surface}",
+        "relax.surface.walk.walk_rings_{kind}{metric}{surface}",
     ),
 }
 _REPAYS_STARTING = 600_000  # the same where another process compiles them meanwhile
@@ -137,11 +137,15 @@ def is_compiling() -> bool:
     return is_under_way()
 
 
-def _are_compiled(folders: Sequence[str], planar: bool, measured: bool) -> bool:
+def _are_compiled(folders: Sequence[str], mesh: MeshKind) -> bool:
     """False if it is certain that kernels in these folders of ``relax`` have to be compiled first."""
-    kind, metric = "2d" if planar else "3d", "_metric" * measured
+    names = {
+        "kind": "2d" if mesh.planar else "3d",
+        "metric": "_metric" * mesh.measured,
+        "surface": "_surface" * mesh.surface,
+    }
     kernels = [kernel for folder in folders for kernel in _KERNELS[folder]]
-    return all(may_be_kept(kernel.format(kind=kind, metric=metric)) for kernel in kernels)
+    return all(may_be_kept(kernel.format(**names)) for kernel in kernels)
 
 
 def choose_engine(
@@ -168,7 +172,7 @@ def choose_engine(
         others = [".", *(["surface"] * (walking > 0)), *(["patches"] * patches)]
         folders = ["surface"] if mesh.surface else others
         fastest, repays = KINDS["numba"], _REPAYS
-        if not _are_compiled(folders, mesh.planar, mesh.measured):
+        if not _are_compiled(folders, mesh):
             fastest, repays = (
                 (_HANDOVER, _REPAYS_STARTING)
                 if meanwhile and walking <= _WALKS_MEANWHILE and _starts_python()

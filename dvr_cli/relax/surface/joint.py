@@ -24,7 +24,7 @@ import numpy as np
 
 from dvr_cli.relax.surface.carriers import SURFACE, Ground, Standing
 from dvr_cli.relax.surface.overlay import edge_distance, place_distance
-from dvr_cli.relax.surface.ring import BADNESS, bare, improves, new_scratch, worst_of
+from dvr_cli.relax.surface.ring import BADNESS, bare, dimension_of, improves, new_scratch, worst_of
 from dvr_cli.relax.surface.strides import CROSSINGS, along_carrier, cross, go, go_out, put, way_out
 from dvr_cli.relax.surface.walk import Walk, keeps_altitude, lay_out, side
 
@@ -66,7 +66,7 @@ def move_jointly(
             _go_part(walk, vertices[chosen[i]], moves, i, part)
             far[i] = _distance(points, vertices[chosen[i]], i, start)
         after = _largest(walk, chosen, altitude, scratch)
-        better = improves(before, after, walk.rings.others.shape[1]) and _upright(walk, chosen)
+        better = improves(before, after, dimension_of(walk.rings)) and _upright(walk, chosen)
         if better and _look(walk, chosen, far, slot, limit):
             _take_over(walk, chosen, slot)
             return before, after
@@ -141,7 +141,7 @@ def _distance(points: np.ndarray, vertex: int, i: int, start: np.ndarray) -> flo
 
 def _largest(walk: Walk, chosen: np.ndarray, altitude: float, scratch: np.ndarray) -> float:
     """The largest badness in these rings, infinite where an altitude is below the one given."""
-    points, d, largest = walk.points, walk.rings.others.shape[1], 0.0
+    points, d, largest = walk.points, dimension_of(walk.rings), 0.0
     for i in range(len(chosen)):
         n = lay_out(walk, chosen[i], _STILL, True, scratch)
         largest = max(largest, scratch[BADNESS, worst_of(scratch, n, d)])

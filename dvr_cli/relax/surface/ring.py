@@ -40,6 +40,11 @@ def bare(arrays: _Arrays) -> _Arrays:
     return memoryview(arrays)  # type: ignore[arg-type, return-value]
 
 
+def dimension_of(rings: RingArrays) -> int:
+    """That of the corners: 2 or 3; compiled it is a constant."""
+    return int(rings.others.shape[1])
+
+
 def new_scratch(largest_ring: int) -> np.ndarray:
     """A scratch array for rings with so many corners at most."""
     return np.zeros((ROWS, largest_ring))

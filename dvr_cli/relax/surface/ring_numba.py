@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import bare, inlined
+from dvr_cli.jit import ON_SURFACE, PLANAR, bare, inlined
 from dvr_cli.relax.columns_numba import (
     BADNESS,
     END,
@@ -34,6 +34,11 @@ set_lines = set_ring
 best_step = maximise_minimum
 price_of = price
 hull_direction = _shortest_in_hull
+
+
+@inlined
+def dimension_of(rings: RingArrays) -> int:
+    return 2 if PLANAR or ON_SURFACE else 3
 
 
 @inlined

@@ -40,6 +40,7 @@ from dvr_cli.relax.surface.ring import (
     V1,
     bare,
     best_step,
+    dimension_of,
     hull_direction,
     improves,
     keeps,
@@ -132,7 +133,7 @@ def walk_directions(
     walk, directions, active = bare(walk), bare(directions), bare(active)
     points, rings, ground, standing = walk.points, walk.rings, walk.ground, walk.standing
     scratch = new_scratch(largest_ring)
-    d, components = rings.others.shape[1], points.shape[1]
+    d, components = dimension_of(rings), points.shape[1]
     keep = 1.0 - band
     keep = keep if d == 2 else keep * keep * keep
     for ring in range(start, stop):
@@ -199,7 +200,7 @@ def _gradient(
     positive: false for the unit vector against which the determinant grows, where a ring is not positive.
     """
     vertex = rings.vertices[ring]
-    d, components = rings.others.shape[1], points.shape[1]
+    d, components = dimension_of(rings), points.shape[1]
     if not positive:
         size = 0.0
         for i in range(components):
@@ -248,13 +249,16 @@ def _walk_one(walk: Walk, directions: np.ndarray, ring: int, purpose: Purpose, s
     """Walk one vertex; whether it moved."""
     points, rings, ground, stars = walk.points, walk.rings, walk.ground, walk.stars
     standing, number = walk.standing, walk.corners.number
-    vertex, d = rings.vertices[ring], rings.others.shape[1]
+    vertex, d = rings.vertices[ring], dimension_of(rings)
     at, u, w = standing.at[vertex], standing.u[vertex], standing.w[vertex]
     x0, x1 = points[vertex, 0], points[vertex, 1]
     x2 = points[vertex, 2] if points.shape[1] == 3 else 0.0
+    d0, d1, d2, step, before, floor = _first_step(walk, directions, ring, purpose, scratch)
+    if not step > 0.0:
+        return False
     limit, longest = purpose.limit, np.inf
     for _ in range(_TRIES):
-        walked, before, floor = _walk(walk, directions, ring, longest, purpose, scratch)
+        walked = _walk(walk, ring, (d0, d1, d2), step, longest, purpose, floor, scratch)
         if walked == 0.0:
             put(points, vertex, x0, x1, x2)
             standing.at[vertex], standing.u[vertex], standing.w[vertex] = at, u, w
@@ -315,40 +319,61 @@ def _area(a0: float, a1: float, a2: float, b0: float, b1: float, b2: float) -> f
     return n0 * n0 + n1 * n1 + n2 * n2
 
 
-def _walk(
-    walk: Walk, directions: np.ndarray, ring: int, longest: float, purpose: Purpose, scratch: np.ndarray
-) -> tuple[float, float, float]:
-    """Walk a vertex along its direction to the best place, not farther than ``longest``.
+def _first_step(
+    walk: Walk, directions: np.ndarray, ring: int, purpose: Purpose, scratch: np.ndarray
+) -> tuple[float, float, float, float, float, float]:
+    """The direction in which a vertex begins to walk, and how far along it the best place is, 0.0 for here.
 
-    Returns how far it went, the largest badness or the price at the beginning, and the badness at its floor.
+    Returned with these are the largest badness or the price at the beginning, and the badness at its floor.
     """
     points, rings, ground, standing = walk.points, walk.rings, walk.ground, walk.standing
-    vertex, d = rings.vertices[ring], rings.others.shape[1]
+    vertex, d = rings.vertices[ring], dimension_of(rings)
     d0, d1 = directions[ring, 0], directions[ring, 1]
     d2 = directions[ring, 2] if points.shape[1] == 3 else 0.0
     d0, d1, d2 = along_carrier(vertex, d0, d1, d2, ground, standing)
     if d0 == 0.0 and d1 == 0.0 and d2 == 0.0:
-        return 0.0, 0.0, 0.0
-    walked, before, floor, came = 0.0, 0.0, purpose.floor, -1
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    floor = purpose.floor
+    n = lay_out(walk, ring, (d0, d1, d2), True, scratch)
+    if purpose.polishing:
+        step, before, floor = lowest_step(scratch, n, d, floor, purpose.aim, True)
+    else:
+        step, before = best_step(scratch, n, d)
+    if step < 0.0:
+        return -d0, -d1, -d2, -step, before, floor
+    return d0, d1, d2, step, before, floor
+
+
+def _walk(
+    walk: Walk,
+    ring: int,
+    direction: Vector,
+    step: float,
+    longest: float,
+    purpose: Purpose,
+    floor: float,
+    scratch: np.ndarray,
+) -> float:
+    """Walk a vertex along its direction to the best place, not farther than ``longest``; how far it went.
+
+    direction, step, floor: see ``_first_step``.
+    """
+    points, rings, ground, standing = walk.points, walk.rings, walk.ground, walk.standing
+    vertex, d = rings.vertices[ring], dimension_of(rings)
+    d0, d1, d2 = direction
+    walked, came = 0.0, -1
     for crossing in range(CROSSINGS):
-        step = np.inf
-        way, out = 0.0, -1
+        way, out = way_out(vertex, d0, d1, d2, came, ground, standing)
         if crossing > 0:
-            way, out = way_out(vertex, d0, d1, d2, came, ground, standing)
-        if crossing == 0 or way > 0.0:
-            n = lay_out(walk, ring, (d0, d1, d2), True, scratch)
-            if purpose.polishing:
-                step, now, highest = lowest_step(scratch, n, d, floor, purpose.aim, crossing == 0)
-            else:
-                step, now = best_step(scratch, n, d)
-                highest = floor
-            if crossing == 0:
-                before, floor = now, highest
-                if step < 0.0:
-                    d0, d1, d2, step = -d0, -d1, -d2, -step
-                way, out = way_out(vertex, d0, d1, d2, came, ground, standing)
-            if not step > 0.0:
-                break
+            step = np.inf
+            if way > 0.0:
+                n = lay_out(walk, ring, (d0, d1, d2), True, scratch)
+                if purpose.polishing:
+                    step, _, _ = lowest_step(scratch, n, d, floor, purpose.aim, False)
+                else:
+                    step, _ = best_step(scratch, n, d)
+                if not step > 0.0:
+                    break
         rest = longest - walked
         step = min(step, rest)
         if step <= way:
@@ -360,7 +385,7 @@ def _walk(
         d0, d1, d2, came = cross(vertex, d0, d1, d2, out, ground, standing)
         if came < 0:
             break
-    return walked, before, floor
+    return walked
 
 
 def lay_out(walk: Walk, ring: int, direction: Vector, signed: bool, scratch: np.ndarray) -> int:
@@ -368,7 +393,7 @@ def lay_out(walk: Walk, ring: int, direction: Vector, signed: bool, scratch: np.
     points, rings, ground, standing = walk.points, walk.rings, walk.ground, walk.standing
     d0, d1, d2 = direction
     vertex = rings.vertices[ring]
-    if points.shape[1] == rings.others.shape[1]:
+    if points.shape[1] == dimension_of(rings):
         return set_lines(points, vertex, d0, d1, d2, ring, rings, scratch)
     others, shapes, norm, slope = rings.others, rings.shapes, rings.norm, rings.slope
     curvature, number, turned = rings.curvature, walk.corners.number, standing.turned
@@ -429,6 +454,9 @@ def _upright(walk: Walk, ring: int, x: Vector, at: int) -> bool:
     lo = rings.start[ring]
     for c in range(rings.start[ring + 1] - lo):
         p, q = others[lo + c, 0], others[lo + c, 1]
+        e0, e1, e2 = points[p, 0] - y0, points[p, 1] - y1, points[p, 2] - y2
+        f0, f1, f2 = points[q, 0] - y0, points[q, 1] - y1, points[q, 2] - y2
+        a0, a1, a2 = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
         sides = 0
         for k in range(3):
             member = vertex if k == 0 else others[lo + c, k - 1]
@@ -437,8 +465,7 @@ def _upright(walk: Walk, ring: int, x: Vector, at: int) -> bool:
             sides += 1
             after = stands[member]
             before = at if k == 0 else after
-            now = side(points, y0, y1, y2, p, q, after, normals)
-            if not now > 0.0 and (
+            if not normals[after, 0] * a0 + normals[after, 1] * a1 + normals[after, 2] * a2 > 0.0 and (
                 turned[number[lo + c]] or side(points, x0, x1, x2, p, q, before, normals) > 0.0
             ):
                 return False

@@ -416,7 +416,7 @@ def test_kernels_are_known_to_be_compiled_where_results_are_newer_than_all_sourc
 @pytest.mark.parametrize("metric", ["", "_metric"])
 def test_all_kernels_that_are_looked_for_are_there(metric):
     for kernel in itertools.chain(*choice._KERNELS.values()):
-        module, _, name = kernel.format(kind="2d", metric=metric).rpartition(".")
+        module, _, name = kernel.format(kind="2d", metric=metric, surface="").rpartition(".")
         compiled = module if module.endswith("_numba") else f"{module}_numba"  # over the module named
         found = getattr(import_module(f"dvr_cli.{compiled}"), kernel.rpartition(".")[2].partition("_{")[0])
         function = found.of(True, name.endswith("metric")) if "{kind}" in kernel else found
