@@ -13,6 +13,7 @@ import numpy as np
 from dvr_cli.mesh.csr import group, row_entries
 
 _DEGENERATE = 1e-14  # squared sine of an angle up to which a triangle has no inside to speak of
+_ZERO = 1e-13  # products of lengths up to which a place counts as beside an edge, in units of a triangle
 _ON_SIDE = 1e-9  # barycentric coordinate up to which a point counts as on the side where it is zero
 
 
@@ -131,31 +132,37 @@ def _closest_on_segments(places: np.ndarray, queries: np.ndarray) -> np.ndarray:
 
 
 def _closest_on_triangles(places: np.ndarray, queries: np.ndarray) -> np.ndarray:
-    """See ``_closest``; the regions around a triangle are told apart as in Ericson's book."""
-    a, b, c = places.swapaxes(0, 1)
-    one, other = b - a, c - a
-    aa, ab, bb = (_dot(u, v) for u, v in ((one, one), (one, other), (other, other)))
+    """See ``_closest``; the regions around a triangle are told apart as Ericson does."""
+    # in units of the triangle, from its first vertex
+    origin = places[:, 0]
+    b, c = places[:, 1] - origin, places[:, 2] - origin
+    size = np.maximum(np.abs(b).max(axis=1), np.abs(c).max(axis=1))[:, None]
+    size[size == 0.0] = 1.0
+    b, c, x = b / size, c / size, (queries - origin) / size
+    bb, bc, cc = _dot(b, b), _dot(b, c), _dot(c, c)
+    d1, d2, d3, d4, d5, d6 = (_dot(edge, x - p) for p in (np.zeros(3), b, c) for edge in (b, c))
+    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
     with np.errstate(all="ignore"):
-        (d1, d2), (d3, d4), (d5, d6) = (
-            (_dot(one, queries - corner), _dot(other, queries - corner)) for corner in (a, b, c)
-        )
-        va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+        along = (d4 - d3) / ((d4 - d3) + (d5 - d6))
         total = va + vb + vc
-        on_b_c = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        regions = [
-            ((d1 <= 0) & (d2 <= 0), 0.0, 0.0),
-            ((d3 >= 0) & (d4 <= d3), 1.0, 0.0),
-            ((vc <= 0) & (d1 >= 0) & (d3 <= 0), d1 / (d1 - d3), 0.0),
-            ((d6 >= 0) & (d5 <= d6), 0.0, 1.0),
-            ((vb <= 0) & (d2 >= 0) & (d6 <= 0), 0.0, d2 / (d2 - d6)),
-            ((va <= 0) & (d4 >= d3) & (d5 >= d6), 1.0 - on_b_c, on_b_c),
-        ]
-        where = [region for region, _, _ in regions]
-        u = np.select(where, [u for _, u, _ in regions], vb / total)[:, None]
-        w = np.select(where, [w for _, _, w in regions], vc / total)[:, None]
-        foot = a + (u * one + w * other)
-    foot[aa * bb - ab * ab <= _DEGENERATE * aa * bb] = np.nan
-    return foot
+        u, w = _chosen(
+            ((d1 < _ZERO) & (d2 < _ZERO), 0.0, 0.0),
+            ((d3 > -_ZERO) & (d4 <= d3), 1.0, 0.0),
+            ((vc < _ZERO) & (d1 > -_ZERO) & (d3 < _ZERO), d1 / (d1 - d3), 0.0),
+            ((d6 > -_ZERO) & (d5 <= d6), 0.0, 1.0),
+            ((vb < _ZERO) & (d2 > -_ZERO) & (d6 < _ZERO), 0.0, d2 / (d2 - d6)),
+            ((va < _ZERO) & (d4 - d3 > -_ZERO) & (d5 - d6 > -_ZERO), 1.0 - along, along),
+            (np.ones(len(x), dtype=bool), vb / total, vc / total),
+        )
+        foot = u[:, None] * b + w[:, None] * c
+    foot[bb * cc - bc * bc <= _DEGENERATE * bb * cc] = np.nan
+    return np.asarray(origin + size * foot)
+
+
+def _chosen(*regions: tuple[np.ndarray, float | np.ndarray, float | np.ndarray]) -> list[np.ndarray]:
+    """(n,) both coordinates, by the first region that each place is in."""
+    where, *coordinates = zip(*regions, strict=True)
+    return [np.select(where, column) for column in coordinates]
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

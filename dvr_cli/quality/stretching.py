@@ -10,8 +10,11 @@ an aspect of GROWN.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from dvr_cli.backend import NUMPY
 from dvr_cli.mesh.corners import Corners, ShapeTable
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.neighbours import within_rings
@@ -35,6 +38,8 @@ def coherent(domain: Domain, quality: np.ndarray | None = None) -> Targets | Non
     Their vertices are held, but for those of inverted and nearly degenerate cells, which are not kept.
     quality: (C,) of the domain's corners, if it is known.
     """
+    if domain.is_surface:  # what is compiled here is for planar and volume meshes
+        domain = replace(domain, backend=NUMPY)
     corners, points = domain.corners, domain.points
     if quality is None:
         quality = corner_qualities(points, corners, domain.backend)
