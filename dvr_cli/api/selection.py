@@ -51,7 +51,8 @@ class Selection:
         if self.only:
             masks["--only"] = _in_any(mesh, "only", self.only)
         if self.below is not None:
-            masks["--below"] = _around_worse(domain, self.below, self.layers)
+            cells = [block.vertices for block in domain.cells]
+            masks["--below"] = within_rings(cells, of_worse(domain, self.below), self.layers)
         if self.vertices is not None:
             masks["--vertices"] = _listed(self.vertices, len(mesh.points))
         return masks
@@ -67,17 +68,14 @@ def _in_any(mesh: Mesh, option: str, names: tuple[str, ...]) -> np.ndarray:
         raise UsageError(f"{option}: {error}") from error
 
 
-def _around_worse(domain: Domain, limit: float, layers: int) -> np.ndarray:
-    """(N,) bool: the vertices of elements worse than ``limit`` and ``layers`` rings of neighbours.
-
-    Neighbours are vertices of one element.
-    """
+def of_worse(domain: Domain, limit: float) -> np.ndarray:
+    """(N,) bool: the vertices of elements worse than ``limit``."""
     near = np.zeros(len(domain.points), dtype=bool)
     bad = element_qualities(domain.points, domain.corners) < limit
     ends = np.cumsum([len(block.vertices) for block in domain.cells])
     for block, mask in zip(domain.cells, np.split(bad, ends[:-1]), strict=True):
         near[block.vertices[mask]] = True
-    return within_rings([block.vertices for block in domain.cells], near, layers)
+    return near
 
 
 def _listed(vertices: np.ndarray, n: int) -> np.ndarray:

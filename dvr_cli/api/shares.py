@@ -18,6 +18,7 @@ from dvr_cli.api.altitudes import lowers_altitude
 from dvr_cli.api.boundary import Moves
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.phases import Run
+from dvr_cli.api.share_selection import masks_of, regions_of_kinds
 from dvr_cli.api.smoothing import DONE, freer, has_nothing_to_gain, is_worse
 from dvr_cli.boundary.freedom import interior_freedom
 from dvr_cli.distributed.job import LEAD
@@ -36,7 +37,7 @@ from dvr_cli.files.ranges import Ranges
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.ranks import distinct
-from dvr_cli.mesh.region_choice import regions_of
+from dvr_cli.mesh.region_choice import NONE, Divider, RegionChoice
 from dvr_cli.quality.limits import HeldBy, Limit, limit_of
 from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities
 from dvr_cli.quality.measure import Quality
@@ -97,13 +98,12 @@ def takes(options: SmoothOptions) -> bool:
     whole.
     """
     named = all(isinstance(entry, str) and entry in _DIRECTIONS for entry in options.entries)
-    selects = bool(options.fix or options.only) or options.below is not None or options.vertices is not None
     return (
         named
         and not options.untangle
-        and not selects
+        and options.selection is not None  # so that files are read here
         and options.metric is None
-        and len(options.region_choice) == 0
+        and not isinstance(options.region_choice, np.ndarray)
         and options.boundary in ("fixed", "slide")
         and options.order == "coloured"
         and options.shape in ("auto", "ideal")
@@ -175,10 +175,18 @@ def _agree(comm: Any, good: bool) -> bool:
 
 
 class _Mine(NamedTuple):
-    """The work of a rank: its cells, their domain, how its vertices move, its share, its view of all."""
+    """The work of a rank: its cells, their domain, how its vertices move, its share, its view of all.
+
+    regions: (kinds,) of the cells of each kind; dividers: what tells them apart. movable: (n,) bool, vertices
+    that could move, and masks: for each criterion those that it lets move, right for those of the rank.
+    """
 
     local: Local
     domain: Domain
+    regions: np.ndarray
+    dividers: tuple[Divider, ...]
+    movable: np.ndarray
+    masks: dict[str, np.ndarray]
     moves: Moves
     share: Share
     view: View
@@ -194,8 +202,12 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
     looks = work.options.shape == "auto"
     if looks and comm.size > 1 and _has_layers(comm, store, backend):
         return None
+    try:
+        regions, dividers = regions_of_kinds(comm, store, work.options.region_choice)
+    except UsageError:  # the leading rank will say so
+        return None
     local = store.local(store.cells, store.lower)
-    domain = _positive_domain(comm, local, backend)
+    domain = _positive_domain(comm, local, regions, backend)
     if domain is None:
         return None
     if looks and comm.size == 1 and _sees_layers(comm, domain, store.owned(store.cells.cells)):
@@ -206,11 +218,18 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
         if slides is None:
             return None
         moves = Moves(slides[0], None, slides[1])
+    try:
+        masks = masks_of(comm, store, local, domain, work.options.selection)
+    except UsageError:
+        return None
+    movable = moves.freedom.dimension > 0
+    selected = np.logical_and.reduce([np.ones(len(movable), dtype=bool), *masks.values()])
+    moves = replace(moves, freedom=moves.freedom.only(selected))
     share = share_of(comm, store, local, domain, moves.freedom)
     own = np.flatnonzero(share.own & share.relaxed)
     domain = replace(domain, cell_ids=local.cells)
     view = View(domain, store.owned(store.cells.cells), share.relaxed, own, local.index[own])
-    return _Mine(local, domain, moves, share, view)
+    return _Mine(local, domain, regions, dividers, movable, masks, moves, share, view)
 
 
 def _has_repeated(store: Store) -> bool:
@@ -220,16 +239,21 @@ def _has_repeated(store: Store) -> bool:
     return len(np.unique(rows, axis=0)) < len(rows)
 
 
-def _positive_domain(comm: Any, local: Local, backend: Any) -> Domain | None:
+def _positive_domain(comm: Any, local: Local, regions: np.ndarray, backend: Any) -> Domain | None:
     """The domain of a rank's mesh; None on all ranks where any cell is not positive or there twice.
 
     All have to be stored in one orientation.
     """
-    domain = domain_of(local.mesh, backend=backend)
+    domain = domain_of(local.mesh, backend=backend, regions=_per_cell(regions, local))
     quality = corner_qualities(domain.points, domain.corners, backend)
     ways = set(comm.allgather(domain.mirrored / len(local.cells)))
     good = not len(domain.repeated) and bool((quality > DEGENERATE).all())
     return domain if _agree(comm, good and len(ways) == 1 and ways <= {0.0, 1.0}) else None
+
+
+def _per_cell(regions: np.ndarray, local: Local) -> RegionChoice:
+    """The regions of the cells of a mesh; regions: (kinds,) of those of each kind."""
+    return regions[local.kinds] if regions.any() else (NONE,)
 
 
 def _has_layers(comm: Any, store: Store, backend: Any) -> bool:
@@ -254,7 +278,7 @@ def _smoothed(
     comm: Any, store: Store, mine: _Mine, work: Work, hooks: Hooks
 ) -> tuple[SmoothReport | None, np.ndarray]:
     """The report, None where the result is not what it should be, and the rank's coordinates reached."""
-    local, domain, moves, share, view = mine
+    local, domain, moves, share, view = mine.local, mine.domain, mine.moves, mine.share, mine.view
     options, kind = work.options, KINDS[work.engine]
     try:
         field = direction_field(options.entries, domain, {}, options.seed, options.center, options.axis)
@@ -315,16 +339,14 @@ def _asked(comm: Any, interrupted: Callable[[], bool]) -> Callable[[], bool]:
 
 def _summary(comm: Any, store: Store, mine: _Mine, counts: dict[str, int]) -> MeshSummary:
     """The summary of the whole mesh."""
-    kinds = store.kinds.summary()
-    region, divided_by = regions_of(kinds, list(range(len(kinds.cells))))
     moving = sum(n for name, n in counts.items() if CELL_TYPES[name].dimension == mine.domain.dimension)
     return replace(
         summarise(mine.local.mesh, mine.domain, mine.moves.constraints),
         points=store.size,
         cells=counts,
         mirrored=moving if mine.domain.mirrored else 0,
-        regions=int(region.max()) + 1,
-        divided_by=divided_by,
+        regions=int(mine.regions.max()) + 1,
+        divided_by=mine.dividers,
         orphans=store.size - comm.allreduce(int(mine.share.own.sum())),
     )
 
@@ -333,7 +355,7 @@ def _limit(
     comm: Any, store: Store, mine: _Mine, points: np.ndarray, after: Quality, options: SmoothOptions
 ) -> Limit | None:
     """The limit of the whole, on the leading rank: from the cells around the worst ones alone."""
-    local, domain, _, share, _ = mine
+    local, domain, share = mine.local, mine.domain, mine.share
     worst = np.isin(local.cells, [element.cell for element in after.worst])
     place = np.repeat(worst, np.diff(domain.corners.start))
     named = distinct(local.number[domain.corners.vertices[place].ravel()])
@@ -342,26 +364,27 @@ def _limit(
         named = named[:0]
     near = store.local(store.around(named), store.lower_around(named))
     d = points.shape[1]
-    rows = np.zeros((store.count, d + 2))
+    flags = np.stack([domain.interior, share.relaxed, mine.movable, *mine.masks.values()], axis=1)
+    rows = np.zeros((store.count, d + flags.shape[1]))
     rows[:, :d] = store.points
-    own = local.number[share.own] - store.first
-    rows[own, :d] = points[share.own]
-    rows[own, d], rows[own, d + 1] = domain.interior[share.own], share.relaxed[share.own]
+    rows[local.number[share.own] - store.first] = np.hstack([points, flags])[share.own]
     around, _ = store.of_others(near.number, rows)
     if comm.rank != LEAD:
         return None
     # two vertices more, of no cell, so that the mesh is as large as the whole
     corners = np.stack([store.low, store.high])
     small = replace(near.mesh, points=np.concatenate([near.mesh.points, corners]))
-    interior = np.append(around[:, d], (0.0, 0.0)).astype(bool)
-    free = np.ones(len(small.points), dtype=bool)
-    of_small = replace(domain_of(small), interior=interior, cell_ids=near.cells)
+    interior, relaxed, movable, *masks = np.pad(around[:, d:].T > 0.0, ((0, 0), (0, 2)))
+    free = np.logical_and.reduce([np.ones(len(small.points), dtype=bool), *masks])
+    of_small = domain_of(small, regions=_per_cell(mine.regions, near))
+    of_small = replace(of_small, interior=interior, cell_ids=near.cells)
+    kept = {name: movable & ~mask for name, mask in zip(mine.masks, masks, strict=True)}
     return limit_of(
         of_small,
         np.concatenate([around[:, :d], corners]),
-        np.flatnonzero(around[:, d + 1]),
+        np.flatnonzero(relaxed),
         after,
-        HeldBy({}, freer(small, of_small, options.boundary, free, options.feature_angle)),
+        HeldBy(kept, freer(small, of_small, options.boundary, free, options.feature_angle)),
         names=np.append(near.index, (-1, -1)),
     )
 

@@ -78,7 +78,8 @@ def store_of(comm: Any, ranges: Ranges, read: Read) -> Store:
         before += table.count
     table_of_tags = np.array([tags for _, tags in known], dtype=np.int64)
     shape = len(known), len(ranges.names)
-    all_kinds = Kinds(tuple(name for name, _ in known), table_of_tags.reshape(shape), ranges.names)
+    types, groups = tuple(name for name, _ in known), tuple(ranges.groups.items())
+    all_kinds = Kinds(types, table_of_tags.reshape(shape), ranges.names, groups)
     rows = joined(main, index), joined(lower, index)
     return Store(comm, ranges.points.count, all_kinds, read.points, *rows)
 

@@ -7,7 +7,7 @@ it owns. Rows of the file come to their owners from whichever rank has read them
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -36,11 +36,13 @@ class Kinds(NamedTuple):
     """The kinds of cells that a mesh has.
 
     types: the type of each kind, tags: (kinds, t) what cell data say of its cells, and names: (t,) of these.
+    groups: names of groups with their tag and dimension, as in ``Mesh.field_data``.
     """
 
     types: tuple[str, ...]
     tags: np.ndarray
     names: tuple[str, ...]
+    groups: tuple[tuple[str, np.ndarray], ...] = ()
 
     @property
     def dimension(self) -> int:
@@ -82,12 +84,17 @@ class Kinds(NamedTuple):
         data = {name: [self.tags[kind, t] for kind in kinds] for t, name in enumerate(self.names)}
         return Mesh(points, blocks, cell_data=data)
 
-    def summary(self) -> Mesh:
-        """A mesh with one cell of each kind of those that move, so that it has the regions of the whole."""
-        which = np.array(self.moving)
-        cells = np.zeros((len(which), max(CELL_TYPES[name].nodes for name in self.types)), dtype=np.int64)
-        rows, none = CellRows(which, cells, which), CellRows(which[:0], cells[:0, :1], which[:0])
-        return self.mesh(np.zeros((1, 3)), rows, none)
+    def summary(self) -> tuple[Mesh, np.ndarray]:
+        """A mesh with one cell of each kind, so that it has the regions and groups of the whole.
+
+        And (kinds,) the kind of each of its cells, those that move first.
+        """
+        moving = self.moving
+        order = np.array([*moving, *(kind for kind in range(len(self.types)) if kind not in moving)])
+        cells = np.zeros((len(order), max(CELL_TYPES[name].nodes for name in self.types)), dtype=np.int64)
+        first, others = np.split(order, [len(moving)])
+        rows = CellRows(first, cells[: len(first)], first), CellRows(others, cells[len(first) :], others)
+        return replace(self.mesh(np.zeros((1, 3)), *rows), field_data=dict(self.groups)), order
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,12 +102,14 @@ class Local:
     """Some cells of a mesh and their vertices, as a mesh of its own in the order of the whole.
 
     index, number: (n,) of each vertex in the whole. cells: (c,) the ids of its cells, but for lower ones.
+    kinds: of all its cells.
     """
 
     mesh: Mesh
     index: np.ndarray
     number: np.ndarray
     cells: np.ndarray
+    kinds: np.ndarray
 
 
 class Store:
@@ -217,7 +226,8 @@ class Store:
             return cells._replace(cells=vertices)
 
         mesh = self.kinds.mesh(np.ascontiguousarray(rows[order, 1:]), placed(cells), placed(lower))
-        return Local(mesh, index[order], numbers[order], cells.ids)
+        kinds = np.concatenate([cells.kinds, lower.kinds])
+        return Local(mesh, index[order], numbers[order], cells.ids, kinds)
 
     def _owns(self, numbers: np.ndarray) -> np.ndarray:
         return (numbers >= self.first) & (numbers < self.first + self.count)

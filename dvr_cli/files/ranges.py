@@ -166,7 +166,8 @@ class Ranges:
     points: (N, 3) coordinates. cells: the type and the vertices of cells that come one after the other, in
     the order of the file; a type may come again. base: the number of the first vertex. names: of the cell
     data that tags are. once: whether a cell that is there twice counts once, in all its groups. order: of the
-    types whose nodes have another order in the file the place there of each.
+    types whose nodes have another order in the file the place there of each. groups: their names, with tag
+    and dimension.
     """
 
     points: Table
@@ -175,6 +176,7 @@ class Ranges:
     names: tuple[str, ...] = ()
     once: bool = False
     order: Mapping[str, list[int]] = field(default_factory=dict)
+    groups: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def dimension(self) -> int:

@@ -58,9 +58,19 @@ RUNS = (
     ("hull", "--boundary slide -n 3"),
     ("41-planar.msh", "--boundary slide -d random,x -n 4 --target 0.9"),
     ("hexahedron", "--boundary slide -d steepest -n 3 --polish"),
+    ("41.msh", "--regions none -n 3"),
+    ("22.msh", "--regions left --boundary slide -n 3"),  # the name of one half
+    ("22.msh", "--regions gmsh:geometrical -d random -n 3"),
+    ("22.msh", "--fix left -d random -n 3"),
+    ("41.msh", "--only 4 --fix 1 -d random -n 60 --tol 1e-3"),
+    ("positive", "--below 0.4 --layers 1 -d random -n 3"),
+    ("positive", "--below 0.3 --layers 99 -n 3"),
+    ("mixed3d", "--below 0.6 -d random -n 40 --tol 1e-3 --boundary slide"),
+    ("41.msh", "--regions none --fix triangle --boundary slide -n 3"),
+    ("hull", "--fix tetra -n 3"),  # nothing can move
 )
 # ranks, and one run in so many, where tests may take long
-OTHERS = ((1, 5), (2, 5), (3, 4), (4, 1), (8, 5))
+OTHERS = ((1, 6), (2, 4), (3, 3), (4, 1), (8, 4))
 
 
 def ranges_of(path):
@@ -239,8 +249,9 @@ def test_runs_that_need_the_whole_mesh_are_not_taken():
     assert takes(SmoothOptions(patches=True))
     assert takes(SmoothOptions(directions="random", polish=True, floor=0.9))
     assert takes(SmoothOptions(boundary="slide"))
+    assert takes(SmoothOptions(fix="a", only="b", below=0.3, vertices=[1], regions="none"))
     others = [{"directions": "radial"}, {"boundary": "project"}]
-    others += [{"fix": "a"}, {"below": 0.3}, {"vertices": [1]}, {"regions": "none"}, {"untangle": True}]
+    others += [{"regions": np.zeros(3, dtype=int)}, {"untangle": True}]
     others += [{"order": "natural"}, {"shape": "input"}, {"metric": np.ones((3, 3, 3))}]
     for other in others:
         assert not takes(SmoothOptions(**{"directions": "random"} | other)), other

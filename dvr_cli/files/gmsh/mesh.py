@@ -57,7 +57,7 @@ def make_mesh(
         cells=[_cells(block) for block in blocks],
         cell_data=cell_data,
         point_data=_fields([view for view in views if view.on_nodes], index, np.arange(count), count),
-        field_data=_field_data(names),
+        field_data=field_data(names),
         entities=nodes.entities,
         periodic=pairs[(pairs >= 0).all(axis=1)].astype(np.int64),
     )
@@ -124,7 +124,7 @@ def _fields(views: list[View], index: TagIndex, position: np.ndarray, size: int)
     return fields
 
 
-def _field_data(names: list[tuple[str, int, int]]) -> dict[str, np.ndarray]:
+def field_data(names: list[tuple[str, int, int]]) -> dict[str, np.ndarray]:
     groups: dict[str, np.ndarray] = {}
     for name, tag, dimension in names:
         key = f"{name} (dim {dimension}, tag {tag})" if name in groups else name

@@ -20,6 +20,7 @@ from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh.cells import cell_type
 from dvr_cli.files.gmsh.data import read_physical_names
 from dvr_cli.files.gmsh.elements import MAX_BLOCKS
+from dvr_cli.files.gmsh.mesh import field_data
 from dvr_cli.files.gmsh.msh2 import agreeing
 from dvr_cli.files.gmsh.msh4 import Entities, read_entities
 from dvr_cli.files.gmsh.numbers import BinaryNumbers, read_numbers
@@ -83,8 +84,7 @@ def _found(data: bytes) -> Ranges:
         if name == "MeshFormat":
             header = read_header(data, Sections(once, [], []))
         at = once[name].end
-    if "PhysicalNames" in once:
-        read_physical_names(data, once["PhysicalNames"])
+    named = read_physical_names(data, once["PhysicalNames"]) if "PhysicalNames" in once else []
     if header.version == "4.1":
         entities = Entities({}, {}, set())
         if "Entities" in once:
@@ -92,7 +92,7 @@ def _found(data: bytes) -> Ranges:
         blocks = [_with_tags(block, entities) for block in blocks]
     tables = _tables(blocks)
     _need(points.count > 0 and len(tables) > 0)
-    return Ranges(points, tables, base=1, names=_TAGS, once=header.version != "4.1")
+    return Ranges(points, tables, base=1, names=_TAGS, once=header.version != "4.1", groups=field_data(named))
 
 
 def _need(holds: bool) -> None:
