@@ -41,7 +41,8 @@ from dvr_cli.mesh.region_choice import NONE, Divider, RegionChoice
 from dvr_cli.quality.limits import HeldBy, Limit, limit_of
 from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities
 from dvr_cli.quality.measure import Quality
-from dvr_cli.quality.stretching import REACH, any_seeds, in_sheet
+from dvr_cli.quality.sheets import Inside, make_a_sheet
+from dvr_cli.quality.stretching import REACH, any_seeds, inside_sheets_of
 from dvr_cli.relax.directions import direction_field, restrict_field
 from dvr_cli.relax.engines.choice import KINDS
 from dvr_cli.relax.phases import TANGLED
@@ -49,6 +50,7 @@ from dvr_cli.relax.sweeps import Sweep
 from dvr_cli.report.records import MeshSummary, ShapeUse, SmoothReport, summarise
 
 _DIRECTIONS = ("random", "x", "y", "z", "axis", "steepest", "narrowing", "optimal")
+_MANY = 100_000  # cells inside what may be sheets: so many are taken for layers without a further look
 
 
 class Work(NamedTuple):
@@ -207,10 +209,12 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
     except UsageError:  # the leading rank will say so
         return None
     local = store.local(store.cells, store.lower)
-    domain = _positive_domain(comm, local, regions, backend)
-    if domain is None:
+    positive = _positive_domain(comm, local, regions, backend)
+    if positive is None:
         return None
-    if looks and comm.size == 1 and _sees_layers(comm, domain, store.owned(store.cells.cells)):
+    domain, quality = positive
+    owned = store.owned(store.cells.cells)
+    if looks and comm.size == 1 and _sees_layers(comm, domain, local.cells, owned, quality):
         return None  # it has all there is
     moves = Moves(interior_freedom(domain.interior, domain.dimension), None)
     if work.options.boundary == "slide":
@@ -228,7 +232,7 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
     share = share_of(comm, store, local, domain, moves.freedom)
     own = np.flatnonzero(share.own & share.relaxed)
     domain = replace(domain, cell_ids=local.cells)
-    view = View(domain, store.owned(store.cells.cells), share.relaxed, own, local.index[own])
+    view = View(domain, owned, share.relaxed, own, local.index[own])
     return _Mine(local, domain, regions, dividers, movable, masks, moves, share, view)
 
 
@@ -239,8 +243,12 @@ def _has_repeated(store: Store) -> bool:
     return len(np.unique(rows, axis=0)) < len(rows)
 
 
-def _positive_domain(comm: Any, local: Local, regions: np.ndarray, backend: Any) -> Domain | None:
-    """The domain of a rank's mesh; None on all ranks where any cell is not positive or there twice.
+def _positive_domain(
+    comm: Any, local: Local, regions: np.ndarray, backend: Any
+) -> tuple[Domain, np.ndarray] | None:
+    """The domain of a rank's mesh and (C,) the quality of its corners.
+
+    None on all ranks where any cell is not positive or there twice.
 
     All have to be stored in one orientation.
     """
@@ -248,7 +256,7 @@ def _positive_domain(comm: Any, local: Local, regions: np.ndarray, backend: Any)
     quality = corner_qualities(domain.points, domain.corners, backend)
     ways = set(comm.allgather(domain.mirrored / len(local.cells)))
     good = not len(domain.repeated) and bool((quality > DEGENERATE).all())
-    return domain if _agree(comm, good and len(ways) == 1 and ways <= {0.0, 1.0}) else None
+    return (domain, quality) if _agree(comm, good and len(ways) == 1 and ways <= {0.0, 1.0}) else None
 
 
 def _per_cell(regions: np.ndarray, local: Local) -> RegionChoice:
@@ -260,18 +268,33 @@ def _has_layers(comm: Any, store: Store, backend: Any) -> bool:
     """True on all ranks if any has cells whose stretching is coherent: whether to keep them is not said."""
     cells = store.within(REACH)
     none = CellRows(*(column[:0] for column in store.lower))
-    domain = domain_of(store.local(cells, none).mesh, backend=backend)
+    local = store.local(cells, none)
+    domain = domain_of(local.mesh, backend=backend)
     repeated = len(domain.repeated) > 0
-    seen = _sees_layers(comm, domain, store.owned(cells.cells))
-    return seen or not _agree(comm, not repeated)
+    quality = corner_qualities(domain.points, domain.corners, backend)
+    if not _agree(comm, not repeated):
+        return True
+    return _sees_layers(comm, domain, local.cells, store.owned(cells.cells), quality)
 
 
-def _sees_layers(comm: Any, domain: Domain, among: np.ndarray) -> bool:
-    """True on all ranks if any has seeds of layers among its own cells, or if these might make a sheet.
+def _sees_layers(comm: Any, domain: Domain, ids: np.ndarray, among: np.ndarray, quality: np.ndarray) -> bool:
+    """True on all ranks if any has seeds of layers among its own cells, or if these make a sheet together.
 
-    among: (n,) bool, those of the domain's cells.
+    ids: (n,) of the domain's cells in the whole. among: (n,) bool, the rank's own. quality: (C,) of the
+    corners.
     """
-    return not _agree(comm, not any_seeds(domain, among)) or comm.allreduce(in_sheet(domain, among)) >= 1.0
+    if not _agree(comm, not any_seeds(domain, among, quality)):
+        return True
+    found = inside_sheets_of(domain, quality)
+    mine = None
+    if found is not None:
+        own = among[found.cells]
+        pairs = found.pairs[among[found.pairs].any(axis=1)]
+        mine = Inside(ids[found.cells[own]], found.weight[own], ids[pairs])
+    if comm.allreduce(0 if mine is None else len(mine.cells)) > _MANY:
+        return True
+    parts = [part for part in comm.allgather(mine) if part is not None]
+    return bool(parts) and make_a_sheet(parts)
 
 
 def _smoothed(

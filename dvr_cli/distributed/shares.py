@@ -8,6 +8,7 @@ it owns. Rows of the file come to their owners from whichever rank has read them
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -195,8 +196,7 @@ class Store:
 
     def owned(self, cells: np.ndarray) -> np.ndarray:
         """(c,) bool, those of some cells, by number, that this rank owns: of their lowest vertex."""
-        lowest = cells.min(axis=1, initial=self.size)
-        return (lowest >= self.first) & (lowest < self.first + self.count)
+        return self._owns(reduce(np.minimum, cells.T))  # by columns, as rows are short
 
     def local(self, cells: CellRows, lower: CellRows) -> Local:
         """Some cells, and lower ones, as a mesh."""
@@ -246,9 +246,11 @@ class Store:
             return CellRows(*(column[:0] for column in cells))
         marked = np.zeros(self.count + 1, dtype=bool)  # the last stands for vertices of others
         marked[numbers - self.first] = True
-        place = cells.cells - self.first
-        place[(place < 0) | (place >= self.count)] = self.count
-        which = marked[place].any(axis=1)
+        which = np.zeros(len(cells.ids), dtype=bool)
+        for column in cells.cells.T:  # rows are short
+            place = column - self.first
+            place[(place < 0) | (place >= self.count)] = self.count
+            which |= marked[place]
         return CellRows(*(column[which] for column in cells))
 
     def _dealt(self, cells: CellRows, numbers: np.ndarray) -> CellRows:
@@ -264,7 +266,9 @@ class Store:
         owners = self.owner(by_number)
         rows, to = [], []
         for column in range(owners.shape[1]):
-            new = (owners[:, :column] != owners[:, column : column + 1]).all(axis=1)
+            new = np.ones(len(owners), dtype=bool)
+            for before in range(column):
+                new &= owners[:, before] != owners[:, column]
             rows.append(np.flatnonzero(new))
             to.append(owners[new, column])
         which = np.concatenate(rows)

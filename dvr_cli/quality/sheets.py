@@ -10,6 +10,8 @@ hull and the points next to it has all sizes, however many points there are.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from dvr_cli.backend import NUMPY, Backend
@@ -47,16 +49,35 @@ def in_sheets(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray) -> 
     return _marked(len(flat), which, _sheets(blocks, *_alike(blocks, stretching[which])))
 
 
-def sheets_at_most(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray, among: np.ndarray) -> float:
-    """The number of sheets that the cells of ``blocks`` marked in ``among`` ((n,) bool) make at most.
+class Inside(NamedTuple):
+    """The cells that lie inside sheets, if there are enough that hang together.
 
-    flat, stretching: as for ``in_sheets``.
+    cells: (m,) their numbers. weight: (m,) the part of a sheet that each is. pairs: (k, 2) those that hang
+    together.
     """
+
+    cells: np.ndarray
+    weight: np.ndarray
+    pairs: np.ndarray
+
+
+def inside_sheets(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray) -> Inside:
+    """The cells of ``blocks`` inside what may be sheets; flat, stretching: as for ``in_sheets``."""
     which, blocks = _only(blocks, flat)
-    if not len(which):
-        return 0.0
-    inside = _half_of_facets(blocks, *_alike(blocks, stretching[which])) & among[which]
-    return float(_weight(blocks)[inside].sum())
+    one, other = _alike(blocks, stretching[which])
+    inside = _half_of_facets(blocks, one, other)
+    both = inside[one] & inside[other]
+    pairs = np.stack([which[one[both]], which[other[both]]], axis=1)
+    return Inside(which[inside], _weight(blocks)[inside], pairs)
+
+
+def make_a_sheet(parts: list[Inside]) -> bool:
+    """True if enough cells hang together, each cell being in one of the parts, and each pair in any."""
+    cells, weight, pairs = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(cells)
+    one, other = np.searchsorted(cells[order], pairs.T)
+    part = connected_parts(len(cells), one, other)
+    return bool((np.bincount(part, weight[order], 1) >= 1.0).any())
 
 
 def _alike(blocks: list[Cells], rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,6 +11,7 @@ an aspect of GROWN.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from dvr_cli.mesh.orientation import connected_parts
 from dvr_cli.mesh.simplex import chunks
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.targets import FORMED, Targets
+
+if TYPE_CHECKING:
+    from dvr_cli.quality.sheets import Inside
 
 SEED = 5.0  # aspect from which stretching is deliberate, averaged three times
 GROWN = 1.5  # aspect down to which it spreads, averaged twice
@@ -62,32 +66,32 @@ def coherent(domain: Domain, quality: np.ndarray | None = None) -> Targets | Non
     return Targets(kept, held, float(np.exp(_log_aspect(stretching[kept]).max())))
 
 
-def any_seeds(domain: Domain, among: np.ndarray) -> bool:
+def any_seeds(domain: Domain, among: np.ndarray, quality: np.ndarray) -> bool:
     """True if any of the cells marked in ``among`` ((n,) bool) is a seed of what is kept.
 
     domain: these, and all that can be reached from them in REACH steps between cells with a common vertex.
-    Without a seed and a sheet (see ``in_sheet``) in the whole mesh none is kept.
+    quality: (C,) of its corners. Without a seed and a sheet (see ``inside_sheets_of``) in the whole mesh
+    nothing is kept.
     """
-    quality = corner_qualities(domain.points, domain.corners, domain.backend)
     positive, possible = _shaped(domain, quality)
     return len(_seeds(domain, _Cells(domain), quality, positive, possible, among)) > 0
 
 
-def in_sheet(domain: Domain, among: np.ndarray) -> float:
-    """The number of sheets that the cells marked in ``among`` ((n,) bool) make at most, beside no others.
+def inside_sheets_of(domain: Domain, quality: np.ndarray) -> Inside | None:
+    """The cells inside what may be sheets, for which those beside them are looked at, too.
 
-    domain: these, and all that have a common facet with them. Parts of a mesh whose numbers add up to less
-    than one have no sheet. Tetrahedra make none.
+    quality: (C,) of the corners. None if there are none; tetrahedra make no sheets.
     """
-    from dvr_cli.quality.sheets import able, sheets_at_most
+    from dvr_cli.quality.sheets import able, inside_sheets
 
-    possible = _shaped(domain, corner_qualities(domain.points, domain.corners, domain.backend))[1]
-    possible &= able(domain.cells)
+    possible = able(domain.cells)
+    if possible.any():
+        possible &= _shaped(domain, quality)[1]
     if not possible.any():
-        return 0.0
+        return None
     stretching = _Cells(domain).from_corners(_stretching(domain.points, domain.corners, possible))
     flat = possible & (_log_aspect(stretching) >= np.log(SEED))
-    return sheets_at_most(domain.cells, flat, stretching, among)
+    return inside_sheets(domain.cells, flat, stretching) if flat.any() else None
 
 
 def _shaped(domain: Domain, quality: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -105,7 +105,14 @@ def write(folder, name):
     return path
 
 
-commands_of = partial(commands_for, write=write)
+def write_apart(folder, name):
+    """The same in a folder of its own, as outputs have numbers, too."""
+    inputs = folder / "inputs"
+    inputs.mkdir(exist_ok=True)
+    return write(inputs, name)
+
+
+commands_of = partial(commands_for, write=write_apart)
 
 
 @pytest.mark.parametrize(

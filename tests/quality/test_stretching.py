@@ -13,7 +13,7 @@ from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality import sheets, stretching
 from dvr_cli.quality.sheets import orderly
-from dvr_cli.quality.stretching import any_seeds, coherent, in_sheet
+from dvr_cli.quality.stretching import any_seeds, coherent, inside_sheets_of
 from dvr_cli.quality.targets import FORMED
 from meshes import KINDS, delaunay, random_mesh
 from needs import require
@@ -308,29 +308,34 @@ def test_parts_of_a_mesh_have_its_seeds():
     for part in np.array_split(np.argsort(heights), 12):
         near = stretching._Cells(whole).around(part, stretching.REACH)
         among = np.isin(np.flatnonzero(near), part)
-        found.append(any_seeds(domain_of(Mesh(whole.points, [Cells("tetra", rows[near])])), among))
+        of_part = domain_of(Mesh(whole.points, [Cells("tetra", rows[near])]))
+        found.append(any_seeds(of_part, among, _qualities(of_part)))
         assert found[-1] == bool(np.isin(part, seeds).any())
     assert 0 < sum(found) < len(found)
     flat = domain_of(delaunay(500, 3, 0, 0.05))
-    assert not any_seeds(flat, np.ones(len(flat.cell_ids), dtype=bool))
+    assert not any_seeds(flat, np.ones(len(flat.cell_ids), dtype=bool), _qualities(flat))
 
 
 @pytest.mark.parametrize("kind", ["triangle", "quad", "hexahedron", "wedge"])
 @pytest.mark.parametrize("sheet", [True, False])
 def test_parts_of_a_mesh_add_up_to_its_sheets(kind, sheet):
-    """Each part with the cells beside it; a single thin layer makes a sheet, none makes less than one."""
+    """Each part with the cells around it; a thin layer makes a sheet, though no part has enough of it."""
     heights = np.linspace(0.0, 1.0, 12 if kind in ("triangle", "quad") else 8)
     heights[1] = 0.01 if sheet else heights[1]
     whole = domain_of(grid(kind, heights))
     n, cells = len(whole.cell_ids), stretching._Cells(whole)
-    everything = in_sheet(whole, np.ones(n, dtype=bool))
-    parts = 0.0
+    parts = []
     for part in np.array_split(np.random.default_rng(1).permutation(n), 5):
-        near = cells.around(part, 1)
-        beside = Cells(kind, whole.cells[0].vertices[near])
-        parts += in_sheet(domain_of(Mesh(whole.points, [beside])), np.isin(np.flatnonzero(near), part))
-    assert parts == everything
-    assert (everything >= 1.0) == sheet
+        near = cells.around(part, 2)
+        ids = np.flatnonzero(near)
+        beside = domain_of(Mesh(whole.points, [Cells(kind, whole.cells[0].vertices[near])]))
+        found = inside_sheets_of(beside, _qualities(beside))
+        if found is not None:
+            own = np.isin(ids[found.cells], part)
+            pairs = ids[found.pairs]
+            pairs = pairs[np.isin(pairs, part).any(axis=1)]
+            parts.append(sheets.Inside(ids[found.cells[own]], found.weight[own], pairs))
+    assert (bool(parts) and sheets.make_a_sheet(parts)) == sheet
     assert (coherent(whole) is not None) == sheet
 
 
