@@ -67,6 +67,9 @@ def test_what_a_page_says_works(page, tmp_path, monkeypatch):
                 require_program("gmsh")
             if "--plot" in text:
                 require("matplotlib")
+            if "mpiexec" in text:
+                require("mpi4py")
+                require_program("mpiexec")
             shell(text, environment(tmp_path))
 
 
