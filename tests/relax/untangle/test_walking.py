@@ -87,7 +87,7 @@ def test_a_bound_of_nothing_lets_nothing_but_what_is_plane_or_straight_move():
 def test_smoothing_goes_on_from_there():
     mesh = tube(2.5)
     points, report, _ = untangled(mesh, max_iterations=2)
-    assert report.phases[0].phase == "untangle"
+    assert "untangle" in [phase.phase for phase in report.phases]
     assert (volumes(mesh, points) > 0).all()
     assert report.after.q1 > untangled(mesh)[1].after.q1 > 0
 
