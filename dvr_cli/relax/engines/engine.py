@@ -419,8 +419,7 @@ class Engine(ABC):
         slot = np.full(len(self.problem.order), -1, dtype=np.int32)
         slot[vertices] = np.arange(len(vertices))
         walk = self._walkers(carriers, standing)
-        with np.errstate(all="ignore"):  # on all engines in plain Python: nobody waits for its compiler
-            go_jointly(walk, self._ring_of[vertices], moves, slot, carriers.limit)
+        self.backend.twin(go_jointly)(walk, self._ring_of[vertices], moves, slot, carriers.limit)
 
     @cached_property
     def _ring_of(self) -> np.ndarray:

@@ -7,7 +7,7 @@ from dvr_cli.relax.surface import joint, overlay_numba, ring_numba, strides_numb
 
 COMPILED = compiled_over(
     joint,
-    ("move_jointly",),
+    ("move_jointly", "go_jointly"),
     vars(ring_numba) | strides_numba.COMPILED | overlay_numba.COMPILED | walk_numba.COMPILED,
 )
-move_jointly = COMPILED["move_jointly"]
+move_jointly, go_jointly = COMPILED["move_jointly"], COMPILED["go_jointly"]
