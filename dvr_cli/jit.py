@@ -398,10 +398,12 @@ def compiled_over(
     """The functions that a module defines, compiled: kernels that are written once, in plain Python.
 
     entries: those that are called from Python, too. names: what they take for names that the module imports,
-    where it is something else that is compiled.
+    where it is something else that is compiled. Those with a leading underscore are the module's own,
+    whatever another one has by the same name.
     Returns all names of the module, by which its functions know each other.
     """
-    known = {**vars(module), **{name: value for name, value in names.items() if name in vars(module)}}
+    imported = {name for name in vars(module) if not name.startswith("_")}
+    known = {**vars(module), **{name: value for name, value in names.items() if name in imported}}
     for name, value in vars(module).items():
         if isinstance(value, FunctionType) and value.__module__ == module.__name__:
             twin = FunctionType(value.__code__, known, name, value.__defaults__)

@@ -1,6 +1,6 @@
 """The compiler as this package sets it up: what it keeps, and numba as it is for others in the process."""
 
-from types import FunctionType
+from types import FunctionType, ModuleType
 
 import numpy as np
 import pytest
@@ -99,3 +99,11 @@ def test_functions_of_others_are_compiled_and_kept_by_numba_alone(tmp_path, monk
         assert theirs(np.ones((9, 2))) == summed(np.ones((9, 2)))
         assert hits(theirs) == found
         assert type(theirs.overloads[theirs.signatures[0]].library) is JITCodeLibrary
+
+
+@pytest.mark.parametrize(("name", "of_the_other"), [("MOST", True), ("_MOST", False)])
+def test_kernels_written_once_take_imports_from_others_and_keep_what_is_their_own(name, of_the_other):
+    """Two modules of kernels may have private constants by one name."""
+    module = ModuleType("kernels")
+    vars(module)[name] = 6
+    assert jit.compiled_over(module, (), {name: 4})[name] == (4 if of_the_other else 6)

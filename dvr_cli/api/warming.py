@@ -42,6 +42,7 @@ SORTS: dict[str, Callable[[], tuple[Mesh, dict[str, Any]]]] = {
     "curved boundaries in a plane": lambda: (_ball(_square()), _CURVED),
     "cells of other types": lambda: (_cube("hexahedron"), {}),
     "curved boundaries": lambda: (_ball(_cube("tetra")), _CURVED),
+    "curved boundaries that are tangled": lambda: (_turned(_ball(_cube("tetra"))), _CURVED),
     "surfaces": lambda: (_lifted(_square()), {"feature_angle": 90.0}),
 }
 _OPTIONS = SmoothOptions(threads=1, stopping=Stopping(max_iterations=2))
@@ -184,3 +185,12 @@ def _ball(cube: Mesh) -> Mesh:
     distance = np.abs(cube.points).max(axis=1)
     radius = np.linalg.norm(cube.points, axis=1)
     return Mesh(cube.points * (distance / radius)[:, None], cube.cells)
+
+
+def _turned(ball: Mesh) -> Mesh:
+    """The ball, one half of its boundary turned against the other by more than the mesh can follow."""
+    x, y, z = ball.points.T
+    outside = np.isclose(np.linalg.norm(ball.points, axis=1), _BOXES / 2)
+    angle = np.where(outside & (z > 0.0), 1.2, 0.0)
+    cos, sin = np.cos(angle), np.sin(angle)
+    return Mesh(np.column_stack([cos * x - sin * y, sin * x + cos * y, z]), ball.cells)
