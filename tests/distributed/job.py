@@ -17,25 +17,36 @@ from mpi4py import MPI
 from dvr_cli.cli.main import main
 from dvr_cli.cli.progress import Progress
 from dvr_cli.distributed.member import Member
+from dvr_cli.distributed.share_engine import ShareEngine
 from dvr_cli.files import reading
 
 RANK = MPI.COMM_WORLD.rank
 
 
-def failing(member, *arguments):
-    if MPI.COMM_WORLD.size - 1 == RANK:
-        raise MemoryError("nothing left")
-    return moves(member, *arguments)
+def failing(moves):
+    """``moves`` of a rank, but that the last one has no memory left."""
+
+    def moved(rank, *arguments):
+        if MPI.COMM_WORLD.size - 1 == RANK:
+            raise MemoryError("nothing left")
+        return moves(rank, *arguments)
+
+    return moved
 
 
 def interrupted(progress, sweep):
     os.kill(os.getpid(), signal.SIGINT)
 
 
-def interrupted_member(member, *arguments):
-    if RANK > 0:
-        os.kill(os.getpid(), signal.SIGINT)
-    return moves(member, *arguments)
+def interrupted_by_others(moves):
+    """``moves`` of a rank, during which all but the first get the signal."""
+
+    def moved(rank, *arguments):
+        if RANK > 0:
+            os.kill(os.getpid(), signal.SIGINT)
+        return moves(rank, *arguments)
+
+    return moved
 
 
 def exchanging(member, batch):
@@ -53,7 +64,8 @@ def fast():
     return clock() + 3600.0 * next(hours)
 
 
-moves, exchanges = Member._moved, Member.exchange
+MOVING = ((Member, "_moved"), (ShareEngine, "_followed"))  # with a lead and without one
+exchanges = Member.exchange
 clock, hours = time.perf_counter, itertools.count(1)
 commands, codes, *fault = sys.argv[1:]
 if "in shares" in fault:
@@ -64,9 +76,12 @@ if "in shares" in fault:
 if fault == ["a rank fails to send"]:
     Member.exchange = exchanging
 if fault == ["a rank fails"]:
-    Member._moved = failing
+    for kind, name in MOVING:
+        setattr(kind, name, failing(getattr(kind, name)))
 if fault == ["interrupted"]:
-    Progress.sweep, Member._moved = interrupted, interrupted_member
+    Progress.sweep = interrupted
+    for kind, name in MOVING:
+        setattr(kind, name, interrupted_by_others(getattr(kind, name)))
 LIMIT = resource.getrlimit(resource.RLIMIT_FSIZE)
 if fault == ["a full disk"] and RANK == 0:
     sys.dont_write_bytecode = True  # Python would keep modules cut off for all later runs

@@ -149,8 +149,9 @@ def test_boundaries_on_which_vertices_walk_are_refused(tmp_path, on_ranks):
     assert not list(tmp_path.glob("out*"))
 
 
-def test_a_rank_that_fails_ends_the_job(tmp_path, on_ranks):
-    commands = commands_of(tmp_path, [("hexahedron", SWEEPS)], "--mpi")
+@pytest.mark.parametrize("order", ["coloured", "natural"])  # without a lead, and with one
+def test_a_rank_that_fails_ends_the_job(tmp_path, on_ranks, order):
+    commands = commands_of(tmp_path, [("hexahedron", f"{SWEEPS} --order {order}")], "--mpi")
     done, ends = job(on_ranks, 3, tmp_path, commands, "a rank fails")
     assert done.returncode != 0
     assert ends is None
@@ -158,9 +159,10 @@ def test_a_rank_that_fails_ends_the_job(tmp_path, on_ranks):
     assert not (tmp_path / "0.vtk").exists()
 
 
-def test_an_interrupted_job_writes_what_it_has_reached(tmp_path, on_ranks):
+@pytest.mark.parametrize("order", ["coloured", "natural"])
+def test_an_interrupted_job_writes_what_it_has_reached(tmp_path, on_ranks, order):
     """All ranks get the signal, as from a terminal; the leading one ends the sweep that follows."""
-    runs = [("hexahedron", "-d random -n 9 --tol 0 --no-polish")]
+    runs = [("hexahedron", f"-d random -n 9 --tol 0 --no-polish --order {order}")]
     command = [word for word in commands_of(tmp_path, runs, "--mpi")[0] if word != "--quiet"]
     done, ends = job(on_ranks, 3, tmp_path, [command], "interrupted")
     assert ends == [130]
