@@ -42,6 +42,7 @@ SORTS: dict[str, Callable[[], tuple[Mesh, dict[str, Any]]]] = {
     "curved boundaries in a plane": lambda: (_ball(_square()), _CURVED),
     "cells of other types": lambda: (_cube("hexahedron"), {}),
     "curved boundaries": lambda: (_ball(_cube("tetra")), _CURVED),
+    "curved boundaries in a plane that are tangled": lambda: (_turned(_ball(_square())), _CURVED),
     "curved boundaries that are tangled": lambda: (_turned(_ball(_cube("tetra"))), _CURVED),
     "surfaces": lambda: (_lifted(_square()), {"feature_angle": 90.0}),
 }
@@ -188,9 +189,11 @@ def _ball(cube: Mesh) -> Mesh:
 
 
 def _turned(ball: Mesh) -> Mesh:
-    """The ball, one half of its boundary turned against the other by more than the mesh can follow."""
-    x, y, z = ball.points.T
+    """The ball or disk, half of its boundary turned against the rest by more than the mesh can follow."""
+    (x, y), last = ball.points.T[:2], ball.points[:, -1]
     outside = np.isclose(np.linalg.norm(ball.points, axis=1), _BOXES / 2)
-    angle = np.where(outside & (z > 0.0), 1.2, 0.0)
+    angle = np.where(outside & (last > 0.0), 1.2, 0.0)
     cos, sin = np.cos(angle), np.sin(angle)
-    return Mesh(np.column_stack([cos * x - sin * y, sin * x + cos * y, z]), ball.cells)
+    turned = ball.points.copy()
+    turned[:, 0], turned[:, 1] = cos * x - sin * y, sin * x + cos * y
+    return Mesh(turned, ball.cells)

@@ -94,7 +94,7 @@ class _Raw(NamedTuple):
             return None
         array, header = layout.array(element, ""), layout.coding.header
         first, width = array.begin + header.itemsize, columns * array.dtype.itemsize
-        if array.dtype.kind not in kinds or first > array.limit:
+        if array.dtype.kind not in kinds or width < 1 or first > array.limit:
             return None
         size = int(np.frombuffer(self.data, header, 1, array.begin)[0])
         if size % width or first + size > array.limit or count not in (None, size // width):
