@@ -48,8 +48,10 @@ def smooth(
 
 
 # the options of ``untangle``
-_UNTANGLE: tuple[str, ...] = ("boundary", "feature_angle", "fix", "max_deviation", "metric", "regions")
-_UNTANGLE += ("shape", "straighten", "time_limit")
+_UNTANGLE = (
+    *("boundary", "feature_angle", "fix", "max_deviation", "metric"),
+    *("regions", "shape", "straighten", "time_limit"),
+)
 
 
 def untangle(

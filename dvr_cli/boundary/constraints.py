@@ -16,7 +16,7 @@ from dvr_cli.backend import Backend
 from dvr_cli.boundary.unconnected import coincident_vertices, hanging_vertices
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import Domain
-from dvr_cli.mesh.facets import facets_of, numbered, outlines
+from dvr_cli.mesh.facets import facets_of, numbered, outlines, vertices_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.named_facets import named_facets
 from dvr_cli.mesh.region_choice import regions_of
@@ -122,7 +122,7 @@ def constraints_of(mesh: Mesh, domain: Domain, rounding: float | None = None) ->
         hanging, held = hanging_vertices(domain.points, single)
         fixed[hanging] = True
         _fix(fixed, single[held])
-        coincident = coincident_vertices(domain.points, np.unique(single[single >= 0]))
+        coincident = coincident_vertices(domain.points, vertices_of(single))
         rounding = ROUNDING * float(np.abs(mesh.points).max(initial=0.0))
     if domain.mids is not None:
         bent = domain.mids.bent(mesh.points, rounding, EXACT)
@@ -166,7 +166,7 @@ def surface_constraints(mesh: Mesh, domain: Domain) -> Constraints:
         line_label=line_label,
         fixed=fixed,
         hanging=np.empty(0, dtype=np.int64),
-        coincident=coincident_vertices(domain.points, _vertices(facets)),
+        coincident=coincident_vertices(domain.points, vertices_of(facets)),
         rounding=ROUNDING * float(np.abs(mesh.points).max(initial=0.0)),
         backend=domain.backend,
     )
@@ -233,13 +233,6 @@ def _in_point_sets(mesh: Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def _widened(rows: np.ndarray, width: int) -> np.ndarray:
     """Rows (n, w) cut or filled with -1 to a width that all of them fit."""
     return np.pad(rows[:, :width], ((0, 0), (0, max(0, width - rows.shape[1]))), constant_values=-1)
-
-
-def _vertices(facets: np.ndarray) -> np.ndarray:
-    """(n,) the vertices of facets ((F, w), shorter rows end in -1), ascending."""
-    used = np.zeros(int(facets.max(initial=0)) + 2, dtype=bool)
-    used[facets] = True  # the last is for -1
-    return np.flatnonzero(used[:-1])
 
 
 def _fix(fixed: np.ndarray, rows: np.ndarray) -> None:

@@ -25,7 +25,8 @@ def extents(domain: Domain, *states: np.ndarray) -> list[Extent]:
     triangles = np.concatenate([triangulated(face)[0] for face in faces])
     found: list[Extent] = []
     for points in states:
-        a, b, c = (points.take(vertex, axis=0) - points.mean(axis=0) for vertex in triangles.T)
+        middle = points.mean(axis=0)
+        a, b, c = (points.take(vertex, axis=0) - middle for vertex in triangles.T)
         normal = np.cross(b - a, c - a)
         area = 0.5 * float(np.sqrt((normal * normal).sum(axis=1)).sum())
         volume = abs(float((a * normal).sum())) / 6.0

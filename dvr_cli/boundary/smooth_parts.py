@@ -21,7 +21,7 @@ from dvr_cli.boundary.triangles import triangulated
 from dvr_cli.boundary.unconnected import coincident_vertices
 from dvr_cli.boundary.unfolding import Unfolding
 from dvr_cli.mesh.csr import group
-from dvr_cli.mesh.facets import numbered
+from dvr_cli.mesh.facets import numbered, vertices_of
 from dvr_cli.mesh.orientation import connected_parts
 
 
@@ -142,9 +142,8 @@ def _plane(points: np.ndarray, triangles: np.ndarray, patch: np.ndarray, roundin
 
 def _coincident(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
     """(N,) bool: the vertices of the facets that lie where another one of them does."""
-    used, result = np.zeros(len(points) + 1, dtype=bool), np.zeros(len(points), dtype=bool)
-    used[facets] = True  # the last is for -1
-    result[coincident_vertices(points, np.flatnonzero(used[:-1]))] = True
+    result = np.zeros(len(points), dtype=bool)
+    result[coincident_vertices(points, vertices_of(facets))] = True
     return result
 
 

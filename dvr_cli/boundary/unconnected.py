@@ -10,6 +10,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
+from dvr_cli.mesh.facets import vertices_of
 from dvr_cli.mesh.hashing import mixed
 
 _NEAR = 1e-6  # of the size of a facet: how far off it a vertex may be to count as on it
@@ -26,7 +27,7 @@ def hanging_vertices(
     points: (N, d). Facets are edges in the plane, planar faces in space. vertices: (n,) those asked about
     that differ in place from all corners of a facet they hang on; by default all of the facets.
     """
-    vertices = np.unique(facets[facets >= 0]) if vertices is None else vertices
+    vertices = vertices_of(facets) if vertices is None else vertices
     hangs, holds = np.zeros(len(points), dtype=bool), np.zeros(len(facets), dtype=bool)
     filled = np.where(facets < 0, facets[:, :1], facets)
     low, high = points[filled].min(axis=1), points[filled].max(axis=1)

@@ -18,7 +18,7 @@ from dvr_cli.boundary.unconnected import boxes, coincident_vertices, hanging_ver
 from dvr_cli.distributed.rows import sent
 from dvr_cli.distributed.shares import Local, Store
 from dvr_cli.mesh.domain import Domain
-from dvr_cli.mesh.facets import facets_of
+from dvr_cli.mesh.facets import facets_of, vertices_of
 
 
 def sliding(comm: Any, store: Store, local: Local, domain: Domain) -> tuple[Freedom, Constraints] | None:
@@ -50,7 +50,7 @@ def _touch(comm: Any, points: np.ndarray, facets: np.ndarray, own: np.ndarray) -
 
     facets: (F, w) those of the boundary with a vertex of this rank, shorter rows end in -1. own: (n,) bool.
     """
-    vertices = np.unique(facets[facets >= 0])
+    vertices = vertices_of(facets)
     places = points[vertices[own[vertices]]]
     (met,) = sent(comm, _dealt(comm, boxes(places)), places)
     found = len(coincident_vertices(met, np.arange(len(met)))) > 0

@@ -82,6 +82,13 @@ def facets_of(blocks: list[Cells], backend: Backend = NUMPY) -> Facets:
     return Facets(vertices, cell, order, np.append(np.flatnonzero(new), len(cell)))
 
 
+def vertices_of(facets: np.ndarray) -> np.ndarray:
+    """(n,) the vertices of facets ((F, w), shorter rows end in -1), ascending."""
+    used = np.zeros(int(facets.max(initial=0)) + 2, dtype=bool)
+    used[facets] = True  # the last is for -1
+    return np.flatnonzero(used[:-1])
+
+
 def numbered(rows: np.ndarray, backend: Backend = NUMPY) -> np.ndarray:
     """(n,) a number from 0 for each of ``rows`` ((n, w) point indices, -1 for none), equal for equal sets.
 

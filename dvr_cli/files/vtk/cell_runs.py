@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,10 @@ class Run:
     def nodes(self) -> int:
         """The number of nodes of each cell."""
         return CELL_TYPES[self.type].nodes
+
+    def cells(self, nodes: Rows) -> Rows:
+        """Its cells, a row each; nodes: of all cells of the file, one after the other."""
+        return replace(nodes, begin=nodes.offset(self.start), columns=self.nodes, count=self.count)
 
 
 def ranges_of_cells(

@@ -73,7 +73,7 @@ def _with_offsets(offsets: Rows, nodes: Rows, run: Run) -> tuple[Rows, Counted]:
     """The nodes of a run, and where cells begin and end; offsets: of all cells, and nodes: all of theirs."""
     pairs = replace(offsets.part(run.first, run.count), columns=2, stride=offsets.step)
     sizes = Counted(pairs, (run.start, run.start + run.nodes), run.nodes)
-    return replace(nodes, begin=nodes.offset(run.start), columns=run.nodes, count=run.count), sizes
+    return run.cells(nodes), sizes
 
 
 def _with_counts(numbers: Rows, run: Run) -> tuple[Rows, Counted]:

@@ -71,7 +71,7 @@ def _found(path: Path, raw: _Raw) -> Ranges | None:
 def _part_of(nodes: Rows, ends: Rows, run: Run) -> tuple[Rows, Counted]:
     """The nodes of a run of cells, and where each cell ends; nodes, ends: of all cells."""
     sizes = Counted(ends.part(run.first, run.count), (run.start + run.nodes,), run.nodes)
-    return replace(nodes, begin=nodes.offset(run.start), columns=run.nodes, count=run.count), sizes
+    return run.cells(nodes), sizes
 
 
 class _Raw(NamedTuple):

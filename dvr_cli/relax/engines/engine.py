@@ -165,8 +165,7 @@ class Engine(ABC):
 
     def state(self) -> State:
         """A copy of where the vertices are, for ``restore``."""
-        standing = self._standing
-        return self._get().copy(), None if standing is None else type(standing)(*(a.copy() for a in standing))
+        return copy_of((self._get(), self._standing))
 
     def restore(self, state: State) -> None:
         """Go back to a state that was copied."""
@@ -513,3 +512,9 @@ class Engine(ABC):
     @abstractmethod
     def _get(self) -> np.ndarray:
         """(N, d) coordinates reached, in the problem's numbering."""
+
+
+def copy_of(state: State) -> State:
+    """A copy of where vertices are."""
+    points, standing = state
+    return points.copy(), None if standing is None else type(standing)(*(each.copy() for each in standing))

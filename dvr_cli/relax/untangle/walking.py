@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dvr_cli.boundary.freedom import Freedom
-from dvr_cli.relax.engines.engine import Engine
+from dvr_cli.relax.engines.engine import Engine, copy_of
 
 if TYPE_CHECKING:
     from dvr_cli.relax.engines.engine import State
@@ -35,9 +35,7 @@ class Walking:
 
     def restore(self, state: State) -> None:
         """Go back to a state that was copied, and may be asked for again."""
-        points, standing = state
-        copied = None if standing is None else type(standing)(*(array.copy() for array in standing))
-        self._engine.restore((points.copy(), copied))
+        self._engine.restore(copy_of(state))
 
     def freedom(self, freedom: Freedom) -> Freedom:
         """The same, with the vertices that walk in the planes and on the lines that they stand on."""
