@@ -34,8 +34,8 @@ from dvr_cli.distributed.shares import CellRows, Local, Store
 from dvr_cli.distributed.sliding import sliding
 from dvr_cli.errors import DvrError, InputError, UsageError
 from dvr_cli.files.ranges import Ranges
-from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import Domain, domain_of
+from dvr_cli.mesh.orientation import are_alike, turned_cells
 from dvr_cli.mesh.ranks import distinct
 from dvr_cli.mesh.region_choice import NONE, Divider, RegionChoice
 from dvr_cli.quality.limits import HeldBy, Limit, limit_of
@@ -248,15 +248,16 @@ def _positive_domain(
 ) -> tuple[Domain, np.ndarray] | None:
     """The domain of a rank's mesh and (C,) the quality of its corners.
 
-    None on all ranks where any cell is not positive or there twice.
-
-    All have to be stored in one orientation.
+    None on all ranks where any cell is not positive or there twice. Cells stored in both orientations have
+    to be alike once those of negative measure are turned: then no other way to orient the whole is.
     """
     domain = domain_of(local.mesh, backend=backend, regions=_per_cell(regions, local))
     quality = corner_qualities(domain.points, domain.corners, backend)
-    ways = set(comm.allgather(domain.mirrored / len(local.cells)))
     good = not len(domain.repeated) and bool((quality > DEGENERATE).all())
-    return (domain, quality) if _agree(comm, good and len(ways) == 1 and ways <= {0.0, 1.0}) else None
+    ways = set(comm.allgather(domain.mirrored / len(local.cells)))
+    if len(ways) > 1 or not ways <= {0.0, 1.0}:
+        good = good and are_alike(domain.cells, backend)
+    return (domain, quality) if _agree(comm, good) else None
 
 
 def _per_cell(regions: np.ndarray, local: Local) -> RegionChoice:
@@ -270,9 +271,9 @@ def _has_layers(comm: Any, store: Store, backend: Any) -> bool:
     none = CellRows(*(column[:0] for column in store.lower))
     local = store.local(cells, none)
     domain = domain_of(local.mesh, backend=backend)
-    repeated = len(domain.repeated) > 0
     quality = corner_qualities(domain.points, domain.corners, backend)
-    if not _agree(comm, not repeated):
+    sound = not len(domain.repeated) and bool((quality > DEGENERATE).all())
+    if not _agree(comm, sound):
         return True
     return _sees_layers(comm, domain, local.cells, store.owned(cells.cells), quality)
 
@@ -362,12 +363,15 @@ def _asked(comm: Any, interrupted: Callable[[], bool]) -> Callable[[], bool]:
 
 def _summary(comm: Any, store: Store, mine: _Mine, counts: dict[str, int]) -> MeshSummary:
     """The summary of the whole mesh."""
-    moving = sum(n for name, n in counts.items() if CELL_TYPES[name].dimension == mine.domain.dimension)
+    cells, mirrored = mine.domain.cells, 0
+    if mine.domain.mirrored:
+        turned = turned_cells(mine.local.mesh.cells[: len(cells)], cells)
+        mirrored = int((turned & mine.view.cells).sum())
     return replace(
         summarise(mine.local.mesh, mine.domain, mine.moves.constraints),
         points=store.size,
         cells=counts,
-        mirrored=moving if mine.domain.mirrored else 0,
+        mirrored=comm.allreduce(mirrored),
         regions=int(mine.regions.max()) + 1,
         divided_by=mine.dividers,
         orphans=store.size - comm.allreduce(int(mine.share.own.sum())),

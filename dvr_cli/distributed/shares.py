@@ -18,6 +18,7 @@ from dvr_cli.distributed.rows import asked, bounds, owner_of, places, sent, swap
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.morton import morton_codes
+from dvr_cli.mesh.plane import other_axes
 from dvr_cli.mesh.ranks import distinct, distinct_and_ranks
 
 
@@ -119,8 +120,8 @@ class Store:
     All ranks have to call its functions together.
 
     size: how many vertices the whole has. kinds: of its cells. bounds: (ranks + 1,) the ranges of numbers
-    that ranks own. low, high: (D,) of the box of all vertices. axes: the coordinates, but for the third one
-    of a planar mesh, which all vertices have alike. index, points: (n,) and (n, D) of the vertices of the
+    that ranks own. low, high: (D,) of the box of all vertices. axes: the coordinates, but for one of a
+    planar mesh that all vertices have alike. index, points: (n,) and (n, D) of the vertices of the
     rank, in the order of their numbers. cells, lower: all cells with one of these, by number, in the order of
     their ids.
     """
@@ -143,8 +144,8 @@ class Store:
         read_from = self.bounds[comm.rank]
         index = read_from + np.arange(len(points))
         self.axes = list(range(points.shape[1]))
-        if kinds.dimension == 2 and len(self.axes) == 3 and self.low[2] == self.high[2]:
-            self.axes = [0, 1]
+        if kinds.dimension == 2 and len(self.axes) == 3:
+            self.axes = list(other_axes(self.low, self.high) or self.axes)
         codes = morton_codes(points[:, self.axes], self.low[self.axes], self.high[self.axes])
         numbers = places(comm, codes, index)  # of equals by index
         own, index, points = sent(comm, owner_of(numbers, self.bounds), numbers, index, points)

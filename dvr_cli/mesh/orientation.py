@@ -35,10 +35,7 @@ def unlike_cells(weights: np.ndarray, blocks: list[Cells], backend: Backend = NU
 
     blocks, backend: as for ``mirrored_cells``.
     """
-    facets = facets_of(blocks, backend)
-    pair = facets.start[:-1][facets.shared_by == 2]
-    one, other = facets.cell[pair].astype(np.int64), facets.cell[pair + 1].astype(np.int64)
-    alike = ~_same_direction(facets.vertices[pair], facets.vertices[pair + 1])
+    one, other, alike = _neighbours(blocks, backend)
     # node 2c stands for "cell c as stored", node 2c+1 for its mirror image
     one_side = np.concatenate([2 * one, 2 * one + 1])
     other_side = np.concatenate([2 * other + ~alike, 2 * other + alike])
@@ -51,6 +48,17 @@ def unlike_cells(weights: np.ndarray, blocks: list[Cells], backend: Backend = NU
     np.add.at(total, np.minimum(as_stored, mirrored), way * weights)
     good_way = np.where(total[np.minimum(as_stored, mirrored)] >= 0, 1.0, -1.0)
     return (way != good_way) & (as_stored != mirrored)
+
+
+def are_alike(blocks: list[Cells], backend: Backend = NUMPY) -> bool:
+    """True if all cells that have a facet in common, and share it with no third one, are stored alike."""
+    return bool(_neighbours(blocks, backend)[2].all())
+
+
+def turned_cells(stored: list[Cells], oriented: list[Cells]) -> np.ndarray:
+    """(n,) bool: the cells that ``with_mirrored`` has turned; stored: the blocks as they were."""
+    pairs = zip(stored, oriented, strict=True)
+    return np.concatenate([(a.vertices != b.vertices).any(axis=1) for a, b in pairs])
 
 
 def with_mirrored(blocks: list[Cells], mirrored: np.ndarray) -> list[Cells]:
@@ -81,6 +89,14 @@ def connected_parts(n: int, tail: np.ndarray, head: np.ndarray) -> np.ndarray:
             label = label[label]
         if (label == before).all():
             return label
+
+
+def _neighbours(blocks: list[Cells], backend: Backend) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The pairs of cells that share a facet, by number, and whether the two are stored alike ((n,) bool)."""
+    facets = facets_of(blocks, backend)
+    pair = facets.start[:-1][facets.shared_by == 2]
+    one, other = facets.cell[pair].astype(np.int64), facets.cell[pair + 1].astype(np.int64)
+    return one, other, ~_same_direction(facets.vertices[pair], facets.vertices[pair + 1])
 
 
 def _same_direction(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -46,6 +46,17 @@ class Plane:
         return bool(np.ptp(height) <= 2 * FLAT * extent)  # FLAT to either side
 
 
+def other_axes(low: np.ndarray, high: np.ndarray) -> tuple[int, int] | None:
+    """The coordinates other than the constant one of points in a box, right-handed; None if none is constant.
+
+    low, high: (3,) the corners of the box.
+    """
+    for constant, pair in ((2, (0, 1)), (0, (1, 2)), (1, (2, 0))):
+        if high[constant] == low[constant]:
+            return pair
+    return None
+
+
 def plane_of(points: np.ndarray) -> Plane | None:
     """The plane that contains all ``points`` ((N, 2) or (N, 3)) to within FLAT, or None."""
     dimension = points.shape[1]
@@ -53,10 +64,8 @@ def plane_of(points: np.ndarray) -> Plane | None:
         return Plane(np.eye(2), (0, 1))
     low, high = points.min(axis=0), points.max(axis=0)
     extent = float(np.max(high - low))
-    # the coordinates other than a constant one, in the order that keeps the axes right-handed
-    for constant, pair in ((2, (0, 1)), (0, (1, 2)), (1, (2, 0))):
-        if high[constant] == low[constant]:
-            return Plane(np.eye(3)[list(pair)], pair)
+    if (selected := other_axes(low, high)) is not None:
+        return Plane(np.eye(3)[list(selected)], selected)
     centred = (points - points.mean(axis=0)) / max(extent, np.finfo(float).tiny)
     _, _, axes = np.linalg.svd(centred.T @ centred)
     if np.max(np.abs(centred @ axes[2])) > FLAT:

@@ -48,7 +48,13 @@ RUNS = (
     ("hexahedron", "-n 3 --patches"),
     ("5.1-planar.vtk", "-d axis -n 3"),
     ("hexahedron inside-out", "-n 3 --no-patches"),
+    ("mixed3d both-ways", "-d random -n 30 --tol 1e-3"),
     ("quad inside-out", "-d random -n 3"),
+    ("mixed2d upright", "-d random,y -n 40 --tol 1e-3 --boundary slide"),
+    ("quad across", "-n 3 --patches"),
+    ("tetra both-ways", "-n 3 --boundary slide"),
+    ("triangle both-ways", "-n 3"),
+    ("hexahedron both-ways", "-n 2 --patches"),
     *((name, "-n 3") for name in (*MIXED, *PLANAR)),
     ("41.msh", "--boundary slide -n 3"),
     ("positive", "--boundary slide -d random -n 3 --tol 0"),
@@ -83,13 +89,20 @@ def write(folder, name):
         return SAMPLES / "random_cube.vtk"
     if name in (*FILES, *MIXED, *PLANAR):
         return write_ranged(folder, name)
-    kind, *turned = name.split()
+    kind, *how = name.split()
     if kind in KINDS:
         mesh = random_mesh(kind, 1, n=4, noise=0.25)
         points = np.pad(mesh.points, ((0, 0), (0, 3 - mesh.points.shape[1])))
-        mirrors = [CELL_TYPES[block.type].mirror if turned else slice(None) for block in mesh.cells]
-        cells = [(b.type, b.vertices[:, way]) for b, way in zip(mesh.cells, mirrors, strict=True)]
-        path = folder / f"{kind}{'-' * len(turned)}.vtk"
+        axes = {"upright": [2, 0, 1], "across": [1, 2, 0]}.get(" ".join(how), [0, 1, 2])
+        points = points[:, axes]  # of a plane in which the first coordinate is the same, or the second
+        step = {"inside-out": 1, "both-ways": 3}.get(" ".join(how), 0)
+        cells = []
+        for block in mesh.cells:
+            rows = block.vertices.copy()
+            if step:
+                rows[::step] = rows[::step, CELL_TYPES[block.type].mirror]
+            cells.append((block.type, rows))
+        path = folder / f"{'-'.join([kind, *how])}.vtk"
         meshio.Mesh(points, cells).write(path, file_format="vtk", binary=True)
         return path
     mesh = random_mesh("tetra", 1, n=5, noise=0.25)
