@@ -19,27 +19,53 @@ from meshes import random_mesh
 
 FILES = ("5.1.vtk", "4.2.vtk", "41.msh", "41-big.msh", "22.msh", "22-batches.msh", "raw.vtu", "raw-big.vtu")
 MIXED = ("5.1-mixed.vtk", "4.2-mixed.vtk", "41-mixed.msh", "22-mixed.msh", "raw-mixed.vtu")
+DATA = ("5.1-data.vtk", "4.2-data.vtk", "41-data.msh", "22-data.msh", "raw-data.vtu")
 PLANAR = ("5.1-planar.vtk", "41-planar.msh", "22-planar.msh", "raw-planar.vtu")
 _CODES = {"vertex": 15, "line": 1, "triangle": 2, "quad": 3, "tetra": 4}
 _CODES |= {"hexahedron": 5, "wedge": 6, "pyramid": 7}
 
 
 def write_ranged(folder: Path, name: str) -> Path:
-    """The file of this name, one of FILES, of MIXED with several types of cells, or of PLANAR in a plane."""
+    """The file of this name, one of FILES, of MIXED with several types of cells, or of PLANAR in a plane.
+
+    Those of DATA have fields on cells and points, one of which tells regions apart; of Gmsh's fields, and of
+    4.1 a volume in two groups and a node with a parameter.
+    """
     kind = {"mixed": "mixed3d", "planar": "mixed2d"}.get(Path(name).stem.split("-")[-1], "tetra")
     mesh, path = random_mesh(kind, 1, n=4, noise=0.2), folder / name
     mesh = Mesh(np.pad(mesh.points, ((0, 0), (0, 3 - mesh.points.shape[1]))), mesh.cells)
     order = ">" if "big" in name else "<"
     if path.suffix == ".vtk":
         blocks = [(block.type, block.vertices) for block in mesh.cells]
-        meshio.Mesh(mesh.points, blocks).write(path, file_format={"5": "vtk", "4": "vtk42"}[name[0]])
+        data = {"point_data": {"u": mesh.points}, "cell_data": cell_data(mesh)} if "data" in name else {}
+        meshio.Mesh(mesh.points, blocks, **data).write(path, file_format={"5": "vtk", "4": "vtk42"}[name[0]])
     elif path.suffix == ".vtu":
-        raw_vtu(path, mesh, order)
+        raw_vtu(path, mesh, order, "data" in name)
     elif name.startswith("41"):
-        path.write_bytes(gmsh_41(mesh, order))
+        how = {"groups": 2, "parametric": 1, "more": views(order)} if "data" in name else {}
+        path.write_bytes(gmsh_41(mesh, order, **how))
     else:
-        path.write_bytes(gmsh_22(mesh, order, batches="batches" in name))
+        path.write_bytes(
+            gmsh_22(mesh, order, "batches" in name, more=views(order) if "data" in name else b"")
+        )
     return path
+
+
+def cell_data(mesh: Mesh) -> dict[str, list[np.ndarray]]:
+    """Fields on cells: two parts, a number for each, and what are no numbers to tell parts by."""
+    middle = [mesh.points[block.vertices].mean(axis=1) for block in mesh.cells]
+    some = [np.arange(len(block.vertices)) for block in mesh.cells]
+    data = {"part": [(rows[:, 1] > 0.5).astype(np.int32) for rows in middle], "id": some, "each": some}
+    return data | {"at": middle, "load": [rows[:, 0] for rows in middle]}
+
+
+def views(order: str) -> bytes:
+    """Fields of a Gmsh file, of some nodes and some elements."""
+    found = b"$Comments\nsome words\n$EndComments\n"
+    for name in b"NodeData", b"ElementData":
+        found += b'$%b\n1\n"load"\n1\n0.0\n3\n0\n1\n2\n' % name
+        found += struct.pack(f"{order}idid", 1, 0.5, 2, 1.5) + b"\n$End%b\n" % name
+    return found
 
 
 def blocks_of(mesh: Mesh) -> list[tuple[str, int, int, np.ndarray]]:
@@ -77,10 +103,10 @@ def _facets(cells: np.ndarray) -> np.ndarray:
     return rows[counts == 1]
 
 
-def gmsh_22(mesh: Mesh, order: str = "<", batches: bool = False, again: str = "") -> bytes:
+def gmsh_22(mesh: Mesh, order: str = "<", batches: bool = False, again: str = "", more: bytes = b"") -> bytes:
     """An MSH 2.2 file; each element has a header, as Gmsh writes them, or each block.
 
-    again: the type of an element that is there twice, for two groups.
+    again: the type of an element that is there twice, for two groups. more: sections at the end.
     """
     n = len(mesh.points)
     nodes = np.zeros(n, [("tag", f"{order}i4"), ("xyz", f"{order}f8", 3)])
@@ -100,7 +126,7 @@ def gmsh_22(mesh: Mesh, order: str = "<", batches: bool = False, again: str = ""
     head = b"$MeshFormat\n2.2 1 8\n" + struct.pack(f"{order}i", 1) + b"\n$EndMeshFormat\n"
     head += b'$PhysicalNames\n1\n3 5 "left"\n$EndPhysicalNames\n'
     head += b"$Nodes\n%d\n" % n + nodes.tobytes() + b"\n$EndNodes\n"
-    return head + b"$Elements\n%d\n" % (number - 1) + body + b"\n$EndElements\n"
+    return head + b"$Elements\n%d\n" % (number - 1) + body + b"\n$EndElements\n" + more
 
 
 def gmsh_41(
@@ -113,8 +139,8 @@ def gmsh_41(
 ) -> bytes:
     """An MSH 4.1 file; its nodes in two blocks.
 
-    tags: (n,) of the nodes. groups: that the first volume is in. parametric: whether the nodes of the first
-    block have a parameter. more: sections at the end.
+    tags: (n,) of the nodes. groups: that the first volume is in. parametric: how many
+    nodes have a parameter, the first ones. more: sections at the end.
     """
     n, pack = len(mesh.points), lambda kinds, *values: struct.pack(order + kinds, *values)
     tags = np.arange(1, n + 1) if tags is None else tags
@@ -128,10 +154,10 @@ def gmsh_41(
         entities += pack("i", entity) + bytes(8 * (3 if name == "vertex" else 6)) + pack("q", len(of_entity))
         entities += b"".join(pack("i", group) for group in of_entity)
         entities += b"" if name == "vertex" else pack("q", 0)
-    cut = n // 3
+    cut = parametric or n // 3
     nodes = pack("4q", 2, n, 1, n)
     for entity, some in (1, slice(0, cut)), (2, slice(cut, n)):
-        flag = parametric if entity == 1 else 0
+        flag = int(parametric > 0) if entity == 1 else 0
         points = np.pad(mesh.points[some], ((0, 0), (0, flag)))
         nodes += pack("3iq", 1 if flag else 3, entity, flag, len(points))
         nodes += tags[some].astype(f"{order}i8").tobytes() + points.astype(f"{order}f8").tobytes()
@@ -147,8 +173,8 @@ def gmsh_41(
     return b"".join(sections) + more
 
 
-def raw_vtu(path: Path, mesh: Mesh, order: str = "<", cell_field: bool = False) -> None:
-    """Write a VTU file with raw appended arrays, a field on its points, and one on its cells if wanted."""
+def raw_vtu(path: Path, mesh: Mesh, order: str = "<", on_cells: bool = False) -> None:
+    """Write a VTU file with raw appended arrays, a field on its points, and some on its cells if wanted."""
     cells = [block.vertices[:, VTK_ORDER.get(block.type, slice(None))] for block in mesh.cells]
     sizes = np.concatenate([np.full(len(rows), rows.shape[1]) for rows in cells])
     types = np.concatenate([np.full(len(b.vertices), VTK_TYPE[b.type], np.uint8) for b in mesh.cells])
@@ -156,11 +182,14 @@ def raw_vtu(path: Path, mesh: Mesh, order: str = "<", cell_field: bool = False) 
     arrays = {
         "Points": ("Float64", 3, mesh.points.astype(f"{order}f8")),
         "u": ("Float32", 1, mesh.points[:, 0].astype(f"{order}f4")),
-        "material": ("Int32", 1, np.arange(len(types)).astype(f"{order}i4") % 2),
         "connectivity": ("Int64", 1, np.concatenate([rows.ravel() for rows in cells]).astype(f"{order}i8")),
         "offsets": ("Int32", 1, np.cumsum(sizes).astype(f"{order}i4")),
         "types": ("UInt8", 1, types),
     }
+    fields = {name: np.concatenate(values) for name, values in cell_data(mesh).items()} if on_cells else {}
+    for name, values in fields.items():
+        kind = {"i4": "Int32", "i8": "Int64", "f8": "Float64"}[values.dtype.str[1:]]
+        arrays[name] = kind, values[0].size, values.astype(values.dtype.newbyteorder(order))
     tags, data = {}, b""
     for name, (kind, components, values) in arrays.items():
         tags[name] = (
@@ -173,7 +202,7 @@ def raw_vtu(path: Path, mesh: Mesh, order: str = "<", cell_field: bool = False) 
         f'<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{words}" '
         f'header_type="UInt{8 * header.itemsize}">\n<UnstructuredGrid>'
         f'<Piece NumberOfPoints="{len(mesh.points)}" NumberOfCells="{len(types)}">\n'
-        f"<PointData>{tags['u']}</PointData>\n<CellData>{tags['material'] if cell_field else ''}</CellData>\n"
+        f"<PointData>{tags['u']}</PointData>\n<CellData>{''.join(tags[name] for name in fields)}</CellData>\n"
         f"<Points>{tags['Points']}</Points>\n"
         f"<Cells>{tags['connectivity']}{tags['offsets']}{tags['types']}</Cells>\n"
         '</Piece></UnstructuredGrid>\n<AppendedData encoding="raw">\n_'

@@ -18,7 +18,7 @@ from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.groups import group_cells
 from dvr_cli.mesh.neighbours import within_rings
-from dvr_cli.mesh.region_choice import Divider, RegionChoice, regions_of
+from dvr_cli.mesh.region_choice import NONE, Divider, RegionChoice, regions_of
 
 
 def regions_of_kinds(comm: Any, store: Store, choice: RegionChoice) -> tuple[np.ndarray, tuple[Divider, ...]]:
@@ -29,6 +29,8 @@ def regions_of_kinds(comm: Any, store: Store, choice: RegionChoice) -> tuple[np.
     kinds = store.kinds
     mesh, order = kinds.summary()
     blocks = [b for b, one in enumerate(mesh.cells) if CELL_TYPES[one.type].dimension == kinds.dimension]
+    if not isinstance(choice, np.ndarray) and not choice:
+        choice = kinds.regions or (NONE,)
     found, dividers = regions_of(mesh, blocks, choice)
     region = np.zeros(len(order), dtype=np.int64)
     region[order[: len(found)]] = found
@@ -37,7 +39,7 @@ def regions_of_kinds(comm: Any, store: Store, choice: RegionChoice) -> tuple[np.
     counted = []
     for divider in dividers:
         if divider.kind == "set":
-            members = order[np.concatenate(group_cells(mesh, divider.name))]
+            members = order[np.concatenate(group_cells(mesh, divider.name, kinds.regions))]
             divider = replace(divider, count=int(counts[members].sum()))
         counted.append(divider)
     return region, tuple(counted)
@@ -66,7 +68,7 @@ def _in_groups(store: Store, local: Local, option: str, names: tuple[str, ...]) 
     mesh, order = store.kinds.summary()
     chosen = np.zeros(len(order), dtype=bool)
     for name in names:
-        members = order[np.concatenate(group_cells(mesh, name))]
+        members = order[np.concatenate(group_cells(mesh, name, store.kinds.regions))]
         if not len(members):
             raise UsageError(f"{option}: nothing is in a group {name!r}")
         chosen[members] = True

@@ -27,7 +27,7 @@ from dvr_cli.distributed.ranks import on_all
 from dvr_cli.distributed.rows import bounds, owner_of, sent
 from dvr_cli.distributed.share_engine import ShareEngine
 from dvr_cli.distributed.share_quality import View, is_at_least, minima_of, quality_of
-from dvr_cli.distributed.share_reading import own_range, read_share, store_of
+from dvr_cli.distributed.share_reading import own_range, read_share, store_of, values_of_tags, with_regions
 from dvr_cli.distributed.share_writing import write_copy
 from dvr_cli.distributed.shared_parts import Share, share_of
 from dvr_cli.distributed.shares import CellRows, Local, Store
@@ -57,7 +57,8 @@ class Work(NamedTuple):
     """The work of a job: how the vertices of a mesh move, and what is said of that.
 
     engine: the name of a kind. vector: whether the leading rank gets quality vectors. counts: how many cells
-    of each type the whole has. once: whether a lower cell that is there twice would have to count once.
+    of each type the whole has. once: whether a lower cell that is there twice would have to count once. held:
+    as in ``Ranges``.
     """
 
     options: SmoothOptions
@@ -65,6 +66,7 @@ class Work(NamedTuple):
     vector: bool
     counts: dict[str, int]
     once: bool
+    held: tuple[tuple[int, int], ...] = ()
 
 
 class Task(NamedTuple):
@@ -83,7 +85,8 @@ class Task(NamedTuple):
     @property
     def work(self) -> Work:
         """The work between reading and writing."""
-        return Work(self.options, self.engine, self.vector, self.ranges.counts, self.ranges.once)
+        ranges = self.ranges
+        return Work(self.options, self.engine, self.vector, ranges.counts, ranges.once, ranges.held)
 
 
 class Hooks(NamedTuple):
@@ -121,20 +124,25 @@ def smooth_shares(comm: Any, task: Task, hooks: Hooks | None = None) -> SmoothRe
     """
     try:
         changed = on_all(comm, lambda: _changed(task.source))
-        (read,) = on_all(comm, lambda: [read_share(comm, task.source, task.ranges)])
+        values = on_all(comm, lambda: values_of_tags(comm, task.source, task.ranges))
+        chosen = with_regions(comm, task.ranges, values)
+        if chosen is None:
+            return None
+        ranges, regions = chosen
+        (read,) = on_all(comm, lambda: [read_share(comm, task.source, ranges)])
     except DvrError as error:
         return error
     if not _agree(comm, read is not None) or read is None:
         return None
     take_turns(KINDS[task.engine])
-    store = store_of(comm, task.ranges, read)
+    store = store_of(comm, ranges, regions, read)
     del read
     result = smooth_store(comm, store, task.work, hooks or Hooks())
     if result is None:
         return None
     if not _agree(comm, _changed(task.source) == changed):
         return InputError(f"{task.source}: it has changed while it was being smoothed")
-    rows = task.ranges.points
+    rows = ranges.points
     first, values = _for_file(comm, store, task, result.vertices, result.points)
     return write_copy(comm, task.source, task.output, rows, first, values) or result.report
 
@@ -231,6 +239,9 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
     moves = replace(moves, freedom=moves.freedom.only(selected))
     share = share_of(comm, store, local, domain, moves.freedom)
     own = np.flatnonzero(share.own & share.relaxed)
+    ends = np.array(work.held, dtype=np.int64).ravel()  # of ranges, ascending
+    if not _agree(comm, not (np.searchsorted(ends, local.index[own], side="right") % 2).any()):
+        return None
     domain = replace(domain, cell_ids=local.cells)
     view = View(domain, owned, share.relaxed, own, local.index[own])
     return _Mine(local, domain, regions, dividers, movable, masks, moves, share, view)

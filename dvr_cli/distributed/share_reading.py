@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,6 +14,11 @@ from dvr_cli.errors import InputError
 from dvr_cli.files.ranges import Ranges, Table
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import is_computable
+from dvr_cli.mesh.groups import is_physical
+from dvr_cli.mesh.ranks import distinct
+from dvr_cli.mesh.regions import names_of_regions
+
+_MOST = 100_000  # values of a tag, and kinds of cells, that all ranks may know
 
 
 class Read(NamedTuple):
@@ -49,9 +55,46 @@ def read_share(comm: Any, source: Path, ranges: Ranges) -> Read | None:
                 rows = rows[:, ranges.order[name]]
             cells.append((rows - rows.dtype.type(ranges.base)).astype(index))
             kinds.append(table.kinds(source, *own))
+            if len(kinds[-1][0]) > _MOST:
+                return None
     except OSError as error:
         raise InputError(f"{source}: {(error.strerror or str(error)).lower()}") from error
     return Read(points, cells, kinds)
+
+
+def values_of_tags(comm: Any, source: Path, ranges: Ranges) -> list[np.ndarray]:
+    """The distinct values of each tag among the rows of this rank; raises InputError as ``read_share``."""
+    tables = [(table, *own_range(comm, table)) for _, table in ranges.cells]
+    found = []
+    try:
+        for nth in range(len(ranges.names)):
+            parts = [table.values(source, first, last, nth) for table, first, last in tables]
+            found.append(distinct(np.concatenate(parts)))
+    except OSError as error:
+        raise InputError(f"{source}: {(error.strerror or str(error)).lower()}") from error
+    return found
+
+
+def with_regions(
+    comm: Any, ranges: Ranges, values: list[np.ndarray]
+) -> tuple[Ranges, tuple[str, ...]] | None:
+    """The ranges without tags that say nothing, and the names of those that tell regions apart.
+
+    values: of each tag, those of this rank. None on all ranks where a tag that counts has too many.
+    """
+    known: dict[str, int] = {}
+    for name, own in zip(ranges.names, values, strict=True):
+        if max(comm.allgather(len(own))) > _MOST:
+            known[name] = _MOST + 1
+        else:
+            known[name] = len(distinct(np.concatenate(comm.allgather(own))))
+    regions = names_of_regions(known, sum(ranges.counts.values()))
+    kept = [nth for nth, name in enumerate(known) if name in regions or is_physical(name)]
+    names = tuple(ranges.names[nth] for nth in kept)
+    if any(known[name] > _MOST for name in names):
+        return None
+    cells = tuple((name, table.with_tags(kept)) for name, table in ranges.cells)
+    return replace(ranges, cells=cells, names=names), regions
 
 
 def own_range(comm: Any, table: Table) -> tuple[int, int]:
@@ -60,8 +103,8 @@ def own_range(comm: Any, table: Table) -> tuple[int, int]:
     return first, last
 
 
-def store_of(comm: Any, ranges: Ranges, read: Read) -> Store:
-    """The store of this rank, on all ranks together, from what each has read."""
+def store_of(comm: Any, ranges: Ranges, regions: tuple[str, ...], read: Read) -> Store:
+    """The store of this rank, on all ranks together, from what each has read; regions: see ``Kinds``."""
     names = [name for name, _ in ranges.cells]
     mine = {(name, tags) for name, (known, _) in zip(names, read.kinds, strict=True) for tags in known}
     known = sorted(set().union(*comm.allgather(mine)))
@@ -79,7 +122,7 @@ def store_of(comm: Any, ranges: Ranges, read: Read) -> Store:
     table_of_tags = np.array([tags for _, tags in known], dtype=np.int64)
     shape = len(known), len(ranges.names)
     types, groups = tuple(name for name, _ in known), tuple(ranges.groups.items())
-    all_kinds = Kinds(types, table_of_tags.reshape(shape), ranges.names, groups)
+    all_kinds = Kinds(types, table_of_tags.reshape(shape), ranges.names, groups, regions)
     rows = joined(main, index), joined(lower, index)
     return Store(comm, ranges.points.count, all_kinds, read.points, *rows)
 

@@ -38,13 +38,15 @@ class Kinds(NamedTuple):
     """The kinds of cells that a mesh has.
 
     types: the type of each kind, tags: (kinds, t) what cell data say of its cells, and names: (t,) of these.
-    groups: names of groups with their tag and dimension, as in ``Mesh.field_data``.
+    groups: names of groups with their tag and dimension, as in ``Mesh.field_data``. regions: the cell data
+    that tell regions apart.
     """
 
     types: tuple[str, ...]
     tags: np.ndarray
     names: tuple[str, ...]
     groups: tuple[tuple[str, np.ndarray], ...] = ()
+    regions: tuple[str, ...] = ()
 
     @property
     def dimension(self) -> int:

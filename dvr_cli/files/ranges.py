@@ -6,7 +6,7 @@ What else has to be so is said with the rows, and looked at by whoever reads the
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -158,6 +158,17 @@ class Table:
             found.append(np.array(at, dtype=np.int32)[place])
         return list(known), np.concatenate(found)
 
+    def values(self, path: Path, first: int, last: int, nth: int) -> np.ndarray:
+        """The distinct values of one tag of the rows first .. last, ascending; raises OSError."""
+        tags = [(part.tags[nth], lo, hi) for part, lo, hi in self.stretches(first, last)]
+        found = [tag.read(path, lo, hi) if isinstance(tag, Rows) else [tag] for tag, lo, hi in tags]
+        return np.unique(np.concatenate([np.ravel(some).astype(np.int64) for some in [[], *found]]))
+
+    def with_tags(self, which: Sequence[int]) -> Table:
+        """The table with these of its tags alone."""
+        parts = (replace(part, tags=tuple(part.tags[nth] for nth in which)) for part in self.parts)
+        return Table(tuple(parts))
+
 
 @dataclass(frozen=True)
 class Ranges:
@@ -167,7 +178,7 @@ class Ranges:
     the order of the file; a type may come again. base: the number of the first vertex. names: of the cell
     data that tags are. once: whether a cell that is there twice counts once, in all its groups. order: of the
     types whose nodes have another order in the file the place there of each. groups: their names, with tag
-    and dimension.
+    and dimension. held: ranges of vertices that have to stay, as more in the file depends on where they are.
     """
 
     points: Table
@@ -177,6 +188,7 @@ class Ranges:
     once: bool = False
     order: Mapping[str, list[int]] = field(default_factory=dict)
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
+    held: tuple[tuple[int, int], ...] = ()
 
     @property
     def dimension(self) -> int:

@@ -9,6 +9,7 @@ physical groups where the mesh has some, else whatever tells regions apart.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,12 +23,12 @@ _TAG = re.compile(r"-?\d{1,18}")
 _LISTED = 20  # tags that an error message lists
 
 
-def group_cells(mesh: Mesh, name: str) -> list[np.ndarray]:
+def group_cells(mesh: Mesh, name: str, regions: Sequence[str] | None = None) -> list[np.ndarray]:
     """The cells of the groups called ``name``: a boolean array for each block, all False for none.
 
     A name that several groups bear means all of them; a number that is no name means the groups with that
     tag, of any dimension. The name of a cell type that is no name of a group means all cells of that type, of
-    any order.
+    any order. regions: the cell data that tell regions apart, if they are known.
     """
     alike = re.compile(re.escape(name) + r"( \(dim \d, tag -?\d+\))?")
     inside = [np.zeros(len(block.vertices), dtype=bool) for block in mesh.cells]
@@ -41,7 +42,7 @@ def group_cells(mesh: Mesh, name: str) -> list[np.ndarray]:
             linear = CELL_TYPES[block.type].linear if block.type in CELL_TYPES else None
             mask |= name in (block.type, linear.name if linear else "")
     dimensions = [topological_dimension(block.type) for block in mesh.cells]
-    for key in _tag_arrays(mesh):
+    for key in _tag_arrays(mesh, regions):
         for tag, dimension in named:
             if tag == 0 and _PHYSICAL.fullmatch(key):
                 continue  # how Gmsh's cells say that they are in no group
@@ -65,6 +66,11 @@ def group_vertices(mesh: Mesh, name: str) -> np.ndarray:
     return inside
 
 
+def is_physical(name: str) -> bool:
+    """True if cell data of this name have tags of physical groups."""
+    return _PHYSICAL.fullmatch(name) is not None
+
+
 def _tagged(mesh: Mesh) -> dict[str, tuple[int, int]]:
     """Tag and dimension of each name in the field data; other field data are left out."""
     pairs = {name: np.asarray(value) for name, value in mesh.field_data.items()}
@@ -79,12 +85,13 @@ def _names(mesh: Mesh) -> list[str]:
     return list(dict.fromkeys([*_tagged(mesh), *mesh.cell_sets, *mesh.point_sets]))
 
 
-def _tag_arrays(mesh: Mesh) -> list[str]:
+def _tag_arrays(mesh: Mesh, regions: Sequence[str] | None = None) -> list[str]:
     """The cell data that hold tags of groups."""
     physical = [name for name in mesh.cell_data if _PHYSICAL.fullmatch(name)]
     if any(np.any(block) for name in physical for block in mesh.cell_data[name]):
         return physical
-    return [name for name in region_names(mesh) if name not in ("gmsh:physical", "dvr:region")]
+    found = region_names(mesh) if regions is None else regions
+    return [name for name in found if name not in ("gmsh:physical", "dvr:region")]
 
 
 def _listing(mesh: Mesh) -> str:

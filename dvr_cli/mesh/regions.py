@@ -13,6 +13,7 @@ Numberings of cells, partitions and ranks of processes are none, whatever values
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -82,14 +83,30 @@ def region_names(mesh: Mesh) -> list[str]:
         arrays = [np.asarray(block) for block in blocks]
         if any(array.ndim != 1 for array in arrays):
             continue
-        if _plain(name) in REGION_NAMES and all(_whole(array) for array in arrays):
+        whole = all(array.dtype.kind in "iub" for array in arrays)
+        named = is_region_name(name) and all(_whole(array) for array in arrays)
+        if named or (whole and _is_of_format(name)):
             known.append(name)
-        elif all(array.dtype.kind in "iub" for array in arrays) and not is_no_region(name):
-            if re.fullmatch(_OF_FORMAT, name):
-                known.append(name)
-            elif _has_few_values(arrays):
-                others.append(name)
+        elif whole and not is_no_region(name) and _has_few_values(arrays):
+            others.append(name)
     return known + others
+
+
+def names_of_regions(values: Mapping[str, int], cells: int) -> tuple[str, ...]:
+    """As ``region_names``, of integers of so many distinct values each; cells: how many there are."""
+    known = [name for name in values if is_region_name(name) or _is_of_format(name)]
+    others = [name for name in values if name not in known and not is_no_region(name)]
+    return (*known, *(name for name in others if 1 < values[name] <= min(most_values(cells), cells - 1)))
+
+
+def most_values(cells: int) -> float:
+    """The number of distinct values up to which integers of any name may be tags of so many cells."""
+    return max(2.0, min(cells / 4, 4 * np.sqrt(cells)))
+
+
+def is_region_name(name: str) -> bool:
+    """True if cell data of this name are tags if they are whole numbers."""
+    return _plain(name) in REGION_NAMES
 
 
 def is_no_region(name: str) -> bool:
@@ -102,6 +119,10 @@ def _plain(name: str) -> str:
     return re.sub(r"[^a-z0-9]", "", name.lower())
 
 
+def _is_of_format(name: str) -> bool:
+    return re.fullmatch(_OF_FORMAT, name) is not None and not is_no_region(name)
+
+
 def _whole(values: np.ndarray) -> bool:
     return values.dtype.kind in "iub" or (
         values.dtype.kind == "f" and bool(np.all(np.isfinite(values) & (values == np.rint(values))))
@@ -111,7 +132,7 @@ def _whole(values: np.ndarray) -> bool:
 def _has_few_values(arrays: list[np.ndarray]) -> bool:
     """True if tags, an array a block, have several values, but few beside the number of cells."""
     n = sum(map(len, arrays))
-    most = max(2.0, min(n / 4, 4 * np.sqrt(n)))
+    most = most_values(n)
     sample = [array[: _SAMPLE // len(arrays) + 1] for array in arrays]
     if arrays and len(distinct(np.concatenate(sample))) > most:
         return False

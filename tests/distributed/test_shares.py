@@ -16,7 +16,7 @@ from dvr_cli.cli.main import main
 from dvr_cli.files.formats import formats_by_suffix
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from meshes import KINDS, random_mesh
-from ranged_files import FILES, MIXED, PLANAR, gmsh_22, write_ranged
+from ranged_files import DATA, FILES, MIXED, PLANAR, gmsh_22, gmsh_41, write_ranged
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 # name of a mesh, and options
@@ -55,7 +55,9 @@ RUNS = (
     ("tetra both-ways", "-n 3 --boundary slide"),
     ("triangle both-ways", "-n 3"),
     ("hexahedron both-ways", "-n 2 --patches"),
-    *((name, "-n 3") for name in (*MIXED, *PLANAR)),
+    *((name, "-n 3") for name in (*MIXED, *PLANAR, *DATA)),
+    ("5.1-data.vtk", "-d random -n 2 --regions part --fix 1"),
+    ("41-data.msh", "-d random -n 2 --only 7"),
     ("41.msh", "--boundary slide -n 3"),
     ("positive", "--boundary slide -d random -n 3 --tol 0"),
     ("positive", "--boundary slide -n 4 --patches"),
@@ -87,7 +89,7 @@ def write(folder, name):
     """The file of a mesh, binary VTK with coordinates in 64 bits."""
     if name == "hull":
         return SAMPLES / "random_cube.vtk"
-    if name in (*FILES, *MIXED, *PLANAR):
+    if name in (*FILES, *MIXED, *PLANAR, *DATA):
         return write_ranged(folder, name)
     kind, *how = name.split()
     if kind in KINDS:
@@ -174,10 +176,11 @@ def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
         commands[-1] += ["--engine", "numpy", "--quiet"]
     (tmp_path / "groups.msh").write_bytes(gmsh_22(plain, again="triangle"))
     (tmp_path / "volumes.msh").write_bytes(gmsh_22(plain, again="tetra"))
-    for name in "groups", "volumes":
+    (tmp_path / "parametric.msh").write_bytes(gmsh_41(plain, parametric=30))  # of nodes that move, too
+    for name in "groups", "volumes", "parametric":
         commands.append(["smooth", str(tmp_path / f"{name}.msh"), f"{name}-out.msh", *commands[-1][3:]])
     done, ends = job(on_ranks, 3, tmp_path, [[*command, "--mpi"] for command in commands])
-    assert (done.stderr, ends) == ("", [0] * 5)
+    assert (done.stderr, ends) == ("", [0] * 6)
     (tmp_path / "alone").mkdir()
     assert in_one_process(tmp_path / "alone", commands) == ends
     for path in (tmp_path / "alone").iterdir():

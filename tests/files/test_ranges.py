@@ -18,7 +18,7 @@ from dvr_cli.files.reading import open_mesh
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from fuzz import COUNTS, mutated
 from meshes import delaunay
-from ranged_files import FILES, MIXED, PLANAR, gmsh_41, raw_vtu, write_ranged
+from ranged_files import DATA, FILES, MIXED, PLANAR, gmsh_41, write_ranged
 
 GMSH = [name for name in FILES if name.endswith("msh")]
 
@@ -53,7 +53,7 @@ def agree(path: Path, ranges, ranks: int = 3) -> None:
     assert ranges.count == sum(len(block.vertices) for block in moving)
 
 
-@pytest.mark.parametrize("name", [*FILES, *MIXED, *PLANAR])
+@pytest.mark.parametrize("name", [*FILES, *MIXED, *PLANAR, *DATA])
 def test_processes_together_read_the_mesh(tmp_path, name):
     path = write_ranged(tmp_path, name)
     ranges = ranges_of(path)
@@ -62,7 +62,7 @@ def test_processes_together_read_the_mesh(tmp_path, name):
         agree(path, ranges, ranks)
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", [*FILES, *DATA])
 def test_rows_that_move_are_patched_and_no_other_byte(tmp_path, name):
     """Whoever reads the patched file has the new coordinates, and everything else as before."""
     path = write_ranged(tmp_path, name)
@@ -84,7 +84,7 @@ def test_rows_that_move_are_patched_and_no_other_byte(tmp_path, name):
 
 
 @pytest.mark.parametrize("count", COUNTS)
-@pytest.mark.parametrize("name", [*FILES, *MIXED, *PLANAR])
+@pytest.mark.parametrize("name", [*FILES, *MIXED, *PLANAR, *DATA])
 def test_of_damaged_files_processes_read_nothing_that_one_would_not(tmp_path, name, count):
     path = write_ranged(tmp_path, name)
     good = path.read_bytes()
@@ -108,10 +108,10 @@ def test_of_damaged_files_processes_read_nothing_that_one_would_not(tmp_path, na
 
 
 def test_files_with_more_than_that_are_read_by_one_process(tmp_path):
-    """Text, 32 bits, data of cells, curved cells, nodes in another order, several groups, links, fields."""
+    """Text, 32 bits, tags that are no integers, curved cells, nodes in another order, links."""
     mesh, path = delaunay(30, 3, 2), tmp_path / "mesh.vtk"
     cells = [("tetra", mesh.cells[0].vertices)]
-    data = {"material": [np.arange(len(cells[0][1]))]}
+    data = {"material": [np.arange(len(cells[0][1])) / 2.0]}
     curved = np.arange(10)[None]
     others = (
         (meshio.Mesh(mesh.points, cells), {"binary": False}),
@@ -125,8 +125,7 @@ def test_files_with_more_than_that_are_read_by_one_process(tmp_path):
         assert ranges_of(path) is None
     path = tmp_path / "mesh.msh"
     for how in (
-        {"groups": 2},
-        {"parametric": 1},
+        {"more": b'$ElementData\n1\n"material"\n0\n3\n0\n1\n0\n$EndElementData\n'},
         {"more": b"$Periodic\n" + struct.pack("<q", 0) + b"\n$EndPeriodic\n"},
     ):
         path.write_bytes(gmsh_41(mesh, **how))
@@ -134,10 +133,6 @@ def test_files_with_more_than_that_are_read_by_one_process(tmp_path):
         assert ranges_of(path) is None, how
     path.write_bytes(gmsh_41(mesh, tags=np.arange(30, 0, -1)))
     assert read_by(2, path, ranges_of(path)) == [None, None]
-    path = tmp_path / "mesh.vtu"
-    raw_vtu(path, mesh, cell_field=True)
-    assert open_mesh(path).mesh.cell_data
-    assert ranges_of(path) is None
     for other in (
         tmp_path / "empty.vtk",
         tmp_path / "empty.msh",

@@ -6,7 +6,7 @@ import pytest
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.region_choice import regions_of
-from dvr_cli.mesh.regions import region_names
+from dvr_cli.mesh.regions import names_of_regions, region_names
 
 
 def tagged(**tags):
@@ -193,3 +193,14 @@ def test_wrong_choices_are_told_what_there_is():
         regions_of(mesh, [0], ["v"])
     with pytest.raises(UsageError, match="leaves no place"):
         regions_of(mesh, [0], ["none", "steel"])
+
+
+def test_names_are_those_of_numbers_of_values_alone():
+    """Ranks know of integers only how many values there are."""
+    rng, names = np.random.default_rng(3), ["part", "su2:tag", "id", "cell_tags", "rank", "x"]
+    for n in (1, 3, 9, 60, 700):
+        values = {name: rng.integers(0, rng.integers(1, n + 2), n) for name in names}
+        counts = {name: len(np.unique(some)) for name, some in values.items()}
+        blocks = [Cells("triangle", np.zeros((n, 3), dtype=int))]
+        mesh = Mesh(np.zeros((1, 2)), blocks, {name: [some] for name, some in values.items()})
+        assert names_of_regions(counts, n) == tuple(region_names(mesh))

@@ -94,6 +94,25 @@ def _group_data(blocks: list[Elements]) -> dict[str, list[np.ndarray]]:
     return data
 
 
+def tags_of_entities(
+    entities: list[tuple[int, int]], groups: list[list[int]]
+) -> tuple[tuple[str, ...], list[list[int]]]:
+    """The names of the cell data that say of what entities and groups elements are, and these of each block.
+
+    entities: dimension and tag of each block of elements; groups: the physical groups of each, 0 for none.
+    """
+    width = max(map(len, groups), default=1)
+    rows = [[*of_block, *([0] * (width - len(of_block)))] for of_block in groups]
+    tags = [[row[0], tag, *row[1:]] for row, (_, tag) in zip(rows, entities, strict=True)]
+    names = ["gmsh:physical", "gmsh:geometrical", *(f"gmsh:physical:{nth + 1}" for nth in range(1, width))]
+    if width > 1:
+        names.append("dvr:region")
+        known = [(*entity, *sorted(row)) for entity, row in zip(entities, rows, strict=True)]
+        place = {region: nth for nth, region in enumerate(sorted(set(known)), start=1)}
+        tags = [[*row, place[region]] for row, region in zip(tags, known, strict=True)]
+    return tuple(names), tags
+
+
 def _regions(blocks: list[Elements], physical: np.ndarray) -> list[np.ndarray]:
     """Number the distinct combinations of dimension, entity and set of physical groups from 1."""
     sizes = [len(block.numbers) for block in blocks]

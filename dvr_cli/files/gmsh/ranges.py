@@ -18,13 +18,14 @@ import numpy as np
 
 from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh.cells import cell_type
-from dvr_cli.files.gmsh.data import read_physical_names
+from dvr_cli.files.gmsh.data import check_view, read_physical_names
 from dvr_cli.files.gmsh.elements import MAX_BLOCKS
-from dvr_cli.files.gmsh.mesh import field_data
+from dvr_cli.files.gmsh.mesh import field_data, tags_of_entities
 from dvr_cli.files.gmsh.msh2 import agreeing
 from dvr_cli.files.gmsh.msh4 import Entities, read_entities
 from dvr_cli.files.gmsh.numbers import BinaryNumbers, read_numbers
 from dvr_cli.files.gmsh.sections import (
+    VIEWS,
     Header,
     Section,
     Sections,
@@ -34,9 +35,11 @@ from dvr_cli.files.gmsh.sections import (
     read_header,
 )
 from dvr_cli.files.ranges import LINEAR, Counted, Part, Ranges, Rows, Table
+from dvr_cli.mesh.regions import is_region_name
 
 _TAGS = ("gmsh:physical", "gmsh:geometrical")
-_KNOWN = ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements")
+_NEEDED = ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements")
+_OTHER = ("PartitionedEntities", "Periodic", "ParametricNodes", "NOD", "ELM")  # what a run depends on
 _MOST = 10_000  # parts of a table
 _END_OF_ELEMENTS = re.compile(rb"\s*\$EndElements")
 _VERSIONS_2 = ("2", "2.0", "2.1", "2.2")
@@ -68,31 +71,40 @@ def _found(data: bytes) -> Ranges:
     once: dict[str, Section] = {}
     header, at = Header("", ""), 0
     points, blocks = Table(()), list[_Block]()
+    views, held = list[Section](), tuple[tuple[int, int], ...]()
     while (section := opening_of(data, at)) is not None:
         name = section.name
-        _need(name in _KNOWN and name not in once)
+        _need(name not in _OTHER and not (name in _NEEDED and name in once))
         if name in ("Nodes", "Elements"):
             _need(header.byte_order != "" and (header.version == "4.1" or header.version in _VERSIONS_2))
             older = header.version != "4.1"
             if name == "Nodes":
-                points, at = (_nodes_2 if older else _nodes_4)(data, section, header.byte_order)
+                points, held, at = (_nodes_2 if older else _nodes_4)(data, section, header.byte_order)
             else:
                 blocks, at = (_elements_2 if older else _elements_4)(data, section, header.byte_order)
-            once[name] = section._replace(end=_end(data, at, name))
+            section = section._replace(end=_end(data, at, name))
         else:
-            once[name] = next_section(data, at)
+            section = next_section(data, at)
+        if name in _NEEDED:
+            once[name] = section
+        elif name in VIEWS:
+            views.append(section)
         if name == "MeshFormat":
             header = read_header(data, Sections(once, [], []))
-        at = once[name].end
+        at = section.end
     named = read_physical_names(data, once["PhysicalNames"]) if "PhysicalNames" in once else []
+    for view in views:  # what it says of elements could tell regions apart
+        _need(not is_region_name(check_view(data, view, header)) or view.name == "NodeData")
+    names: tuple[str, ...] = _TAGS
     if header.version == "4.1":
         entities = Entities({}, {}, set())
         if "Entities" in once:
             read_entities(read_numbers(data, once["Entities"], header), False, entities, older=False)
-        blocks = [_with_tags(block, entities) for block in blocks]
+        blocks, names = _with_tags([block for block in blocks if block.part.rows.count], entities)
     tables = _tables(blocks)
     _need(points.count > 0 and len(tables) > 0)
-    return Ranges(points, tables, base=1, names=_TAGS, once=header.version != "4.1", groups=field_data(named))
+    groups, once_each = field_data(named), header.version != "4.1"
+    return Ranges(points, tables, base=1, names=names, once=once_each, groups=groups, held=held)
 
 
 def _need(holds: bool) -> None:
@@ -122,23 +134,26 @@ def _tables(blocks: list[_Block]) -> tuple[tuple[str, Table], ...]:
 # ---------------------------------------------------------------------------------- MSH 4.1
 
 
-def _nodes_4(data: bytes, section: Section, order: str) -> tuple[Table, int]:
-    """The coordinates, and where the section's body ends."""
+def _nodes_4(data: bytes, section: Section, order: str) -> tuple[Table, tuple[tuple[int, int], ...], int]:
+    """The coordinates, which nodes have parameters, and where the section's body ends."""
     numbers = BinaryNumbers(data, section, order)
     blocks, declared = numbers.record("4q")[:2]
-    parts, nodes = [], 0
+    parts, held, nodes = [], [], 0
     _need(blocks <= _MOST)
     for _ in range(blocks):
         dimension, _, parametric, count = numbers.record("3iq")
-        _need(0 <= dimension <= 3 and parametric == 0)
+        _need(0 <= dimension <= 3 and parametric in (0, 1))
+        more = dimension * parametric
         tags = Rows(section.start + numbers.position, f"{order}i8", 1, count)
         numbers.skip("q", count)
-        rows = Rows(section.start + numbers.position, f"{order}f8", 3, count)
-        numbers.skip("d", 3 * count)
+        rows = Rows(section.start + numbers.position, f"{order}f8", 3, count, 8 * (3 + more) if more else 0)
+        numbers.skip("d", (3 + more) * count)
+        if more and count:
+            held.append((nodes, nodes + count))
         parts.append(Part(rows, (Counted(tags, (nodes + 1,), 1),)))
         nodes += count
     _need(nodes == declared)
-    return Table(tuple(parts)), section.start + numbers.position
+    return Table(tuple(parts)), tuple(held), section.start + numbers.position
 
 
 def _elements_4(data: bytes, section: Section, order: str) -> tuple[list[_Block], int]:
@@ -159,24 +174,24 @@ def _elements_4(data: bytes, section: Section, order: str) -> tuple[list[_Block]
     return found, section.start + numbers.position
 
 
-def _with_tags(block: _Block, entities: Entities) -> _Block:
-    """The block with the physical group, which has to be one, and the entity of its elements."""
-    assert block.entity is not None
-    groups = entities.physical.get(block.entity, [0])
-    _need(len(groups) == 1)
-    return block._replace(part=replace(block.part, tags=(groups[0], block.entity[1])))
+def _with_tags(blocks: list[_Block], entities: Entities) -> tuple[list[_Block], tuple[str, ...]]:
+    """The blocks with the groups and the entity of their elements as tags, and the names of these."""
+    of_blocks = [block.entity or (0, 0) for block in blocks]
+    names, tags = tags_of_entities(of_blocks, [entities.physical.get(one, [0]) for one in of_blocks])
+    rows = zip(blocks, tags, strict=True)
+    return [b._replace(part=replace(b.part, tags=tuple(row))) for b, row in rows], names
 
 
 # ---------------------------------------------------------------------------------- MSH 2
 
 
-def _nodes_2(data: bytes, section: Section, order: str) -> tuple[Table, int]:
-    """The coordinates, and where the section's body ends."""
+def _nodes_2(data: bytes, section: Section, order: str) -> tuple[Table, tuple[()], int]:
+    """The coordinates, that no nodes have parameters, and where the section's body ends."""
     count, begin = read_count(data, section.start, section)
     stride = 4 + 3 * 8
     tags = Rows(begin, f"{order}i4", 1, count, stride)
     rows = Rows(begin + 4, f"{order}f8", 3, count, stride)
-    return Table((Part(rows, (Counted(tags, (1,), 1),)),)), begin + stride * count
+    return Table((Part(rows, (Counted(tags, (1,), 1),)),)), (), begin + stride * count
 
 
 def _elements_2(data: bytes, section: Section, order: str) -> tuple[list[_Block], int]:

@@ -16,7 +16,7 @@ _VERSION = re.compile(rb"\d{1,3}(\.\d{1,3})?")
 _BLANK = re.compile(rb"\s*\Z")
 _ONCE = {"MeshFormat", "PhysicalNames", "Entities", "PartitionedEntities", "Nodes", "Elements", "Periodic"}
 _NAMES = {"ParametricNodes": "Nodes", "NOD": "Nodes", "ELM": "Elements"}
-_VIEWS = {"NodeData", "ElementData"}
+VIEWS = {"NodeData", "ElementData"}
 
 
 class Section(NamedTuple):
@@ -60,7 +60,7 @@ def find_sections(data: bytes) -> Sections:
         section = next_section(data, end)
         end = section.end
         key = _NAMES.get(section.name, section.name)
-        if key in _VIEWS:
+        if key in VIEWS:
             views.append(section)
         elif key in _ONCE and once.setdefault(key, section) is not section:
             raise InputError(f"the file has more than one ${key} section")

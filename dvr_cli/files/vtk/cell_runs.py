@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 from dvr_cli.files.ranges import LINEAR, Counted, Part, Ranges, Rows, Table
 from dvr_cli.files.vtk.cells import MAX_BLOCKS, NODE_ORDER, VTK_TYPE
 from dvr_cli.mesh.cell_types import CELL_TYPES
+from dvr_cli.mesh.regions import is_no_region, is_region_name
 
 _NAME = {VTK_TYPE[name]: name for name in LINEAR}
 _CHUNK = 1 << 20  # cells whose types are looked at together
@@ -36,23 +37,42 @@ class Run:
 
 
 def ranges_of_cells(
-    path: Path, points: Rows, types: Rows, nodes: int, part_of: Callable[[Run], tuple[Rows, Counted]]
+    path: Path,
+    points: Rows,
+    types: Rows,
+    nodes: int,
+    part_of: Callable[[Run], tuple[Rows, Counted]],
+    data: Mapping[str, Rows],
 ) -> Ranges | None:
     """The ranges of a file with these points and types of cells; None where a process has to read it whole.
 
     nodes: of all cells together. part_of: where those of the cells of a run are, and what says how many each
-    has.
+    has. data: of the cells, one row each.
     """
-    runs = _runs(path, types, nodes)
-    if runs is None:
+    runs, tags = _runs(path, types, nodes), _tags_among(data)
+    if runs is None or tags is None:
         return None
     cells = []
     for run in runs:
         rows, sizes = part_of(run)
         known = Counted(types.part(run.first, run.count), (VTK_TYPE[run.type],))
-        cells.append((run.type, Table((Part(rows, (known, sizes)),))))
+        of_run = tuple(rows.part(run.first, run.count) for rows in tags.values())
+        cells.append((run.type, Table((Part(rows, (known, sizes), of_run),))))
     order = {name: NODE_ORDER[VTK_TYPE[name]] for name in LINEAR if VTK_TYPE[name] in NODE_ORDER}
-    return Ranges(Table((Part(points),)), tuple(cells), order=order)
+    return Ranges(Table((Part(points),)), tuple(cells), names=tuple(tags), order=order)
+
+
+def _tags_among(data: Mapping[str, Rows]) -> dict[str, Rows] | None:
+    """The cell data that may tell regions apart; None where a process has to look at all values to know."""
+    tags = {}
+    for name, rows in data.items():
+        number, named = np.dtype(rows.dtype), is_region_name(name)
+        if rows.columns > 1 or (is_no_region(name) and not named) or (number.kind == "f" and not named):
+            continue
+        if number.kind == "f" or number == np.uint64:
+            return None
+        tags[name] = rows
+    return tags
 
 
 def _runs(path: Path, types: Rows, nodes: int) -> list[Run] | None:

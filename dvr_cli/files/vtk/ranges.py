@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import mmap
-import re
 from dataclasses import replace
 from functools import partial
+from math import prod
 from pathlib import Path
 from typing import cast
+
+import numpy as np
 
 from dvr_cli.errors import InputError
 from dvr_cli.files.ranges import Counted, Ranges, Rows
 from dvr_cli.files.vtk.cell_runs import Run, ranges_of_cells
-from dvr_cli.files.vtk.scan import Scanner
+from dvr_cli.files.vtk.data import read_data
+from dvr_cli.files.vtk.scan import Scanner, dtype_of
 
 _INTEGERS = {"vtktypeint64": ">i8", "vtktypeint32": ">i4", "int": ">i4"}
-_OF_CELLS = re.compile(rb"cell_data", re.IGNORECASE)  # they may tell regions apart
 
 
 def ranges_of(path: Path) -> Ranges | None:
@@ -23,14 +25,31 @@ def ranges_of(path: Path) -> Ranges | None:
 
     Only what stands between the arrays is read.
     """
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        try:
-            return _found(path, Scanner(cast(bytes, data)))
-        except InputError:  # whoever reads the file whole will say why
-            return None
+    with path.open("rb") as file:
+        data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)  # views of it may outlive an error
+    try:
+        return _found(path, _Views(cast(bytes, data)))
+    except InputError:  # whoever reads the file whole will say why
+        return None
 
 
-def _found(path: Path, scanner: Scanner) -> Ranges | None:
+class _Views(Scanner):
+    """A scanner that reads no array: what it has for one is a view of the file."""
+
+    def parse(self, type_name: str, count: int, what: str, extent: tuple[int, int]) -> np.ndarray:
+        """A view of the values whose bytes ``extent`` has found."""
+        if type_name == "bit":
+            raise InputError(f"{what} is packed")
+        return np.frombuffer(self.data, dtype_of(type_name), count, extent[0])
+
+    def rows(self, view: np.ndarray) -> Rows:
+        """The rows of such an array, (n,) or (n, ...)."""
+        start = np.frombuffer(self.data, np.uint8).__array_interface__["data"][0]
+        begin = view.__array_interface__["data"][0] - start
+        return Rows(begin, view.dtype.str, prod(view.shape[1:]), len(view))
+
+
+def _found(path: Path, scanner: _Views) -> Ranges | None:
     if not scanner.line().startswith(b"# vtk DataFile Version"):
         return None
     scanner.line()  # the title
@@ -64,9 +83,9 @@ def _found(path: Path, scanner: Scanner) -> Ranges | None:
     if scanner.count("") != count:
         return None
     types = Rows(scanner.extent("int", count, "")[0], ">i4", 1, count)
-    if _OF_CELLS.search(scanner.data, scanner.position):
-        return None
-    return ranges_of_cells(path, points, types, size, part_of)
+    _, data, _ = read_data(scanner, n, count)
+    arrays = {name: scanner.rows(view) for name, view in data.items()}
+    return ranges_of_cells(path, points, types, size, part_of, arrays)
 
 
 def _with_offsets(offsets: Rows, nodes: Rows, run: Run) -> tuple[Rows, Counted]:

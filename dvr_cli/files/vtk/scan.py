@@ -134,7 +134,7 @@ class Scanner:
         if self.binary:
             if type_name == "bit":
                 return np.unpackbits(np.frombuffer(self.data, np.uint8, end - begin, begin), count=count)
-            return np.frombuffer(self.data, dtype.newbyteorder(">"), count, begin).astype(dtype)
+            return np.frombuffer(self.data, dtype_of(type_name), count, begin).astype(dtype)
         wide = {"i": np.dtype("i8"), "u": np.dtype("u8"), "f": np.dtype("f8")}[dtype.kind]
         try:
             values = parse_numbers(self.data[begin:end], count, wide)
@@ -181,6 +181,11 @@ class Scanner:
 
     def _truncated(self, what: str, expected: str) -> InputError:
         return InputError(f"truncated or damaged: {what} should have {expected}")
+
+
+def dtype_of(type_name: str) -> np.dtype:
+    """The numbers of a binary array of this type, as they are in the file."""
+    return np.dtype(_TYPES[type_name]).newbyteorder(">")
 
 
 def is_integer(type_name: str) -> bool:

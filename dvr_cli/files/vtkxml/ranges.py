@@ -16,7 +16,7 @@ from dvr_cli.files.ranges import Counted, Ranges, Rows
 from dvr_cli.files.vtk.cell_runs import Run, ranges_of_cells
 from dvr_cli.files.vtkxml.arrays import is_numeric
 from dvr_cli.files.vtkxml.layout import Layout, count_of, layout_of
-from dvr_cli.files.vtkxml.source import appended_arrays, piece_arrays, points_element
+from dvr_cli.files.vtkxml.source import GHOSTS, appended_arrays, piece_arrays, points_element
 from dvr_cli.files.xml_places import Element
 
 _APPENDED = re.compile(rb"<AppendedData[^>]*>\s*_")
@@ -51,7 +51,7 @@ def _found(path: Path, raw: _Raw) -> Ranges | None:
     (piece,) = layout.pieces
     n, count = count_of(piece, "NumberOfPoints"), count_of(piece, "NumberOfCells")
     place = points_element(piece, n)
-    if not n or not count or place is None or piece_arrays(piece, "CellData"):
+    if not n or not count or place is None:
         return None
     if place.attributes.get("NumberOfComponents") != "3":
         return None
@@ -59,13 +59,20 @@ def _found(path: Path, raw: _Raw) -> Ranges | None:
     wanted = ("connectivity", None), ("offsets", count), ("types", count)
     nodes, ends, types = (raw.rows(_named(piece, name), 1, rows, "iu") for name, rows in wanted)
     fields = [raw.rows(array, _components(array), n, "iuf") for array in piece_arrays(piece, "PointData")]
+    data = {}
+    for array in piece_arrays(piece, "CellData"):
+        rows = raw.rows(array, _components(array), count, "iuf")
+        if rows is None or array.attributes.get("Name", "") in GHOSTS:
+            return None
+        data[array.attributes.get("Name", "")] = rows
     if points is None or nodes is None or ends is None or types is None or None in fields:
         return None
     begin, end = raw.begin(place), points.offset(n)
     shared = [e for e, at in appended_arrays(layout) if e is not place and begin <= at < end]
     if np.dtype(points.dtype).itemsize != 8 or shared:
         return None
-    return ranges_of_cells(path, points, types, nodes.count, partial(_part_of, nodes, ends))
+    data.pop("", None)  # what has no name is not read
+    return ranges_of_cells(path, points, types, nodes.count, partial(_part_of, nodes, ends), data)
 
 
 def _part_of(nodes: Rows, ends: Rows, run: Run) -> tuple[Rows, Counted]:

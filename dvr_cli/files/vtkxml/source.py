@@ -22,6 +22,9 @@ from dvr_cli.mesh.mesh import Cells, Mesh
 CellReader = Callable[[Layout, Element, int, int], tuple[list[Cells], list[np.ndarray]]]
 
 
+GHOSTS = ("vtkGhostLevels", "vtkGhostType")  # what says of cells that they are another piece's
+
+
 @dataclass(frozen=True)
 class Kind:
     """A kind of VTK XML file.
@@ -307,8 +310,9 @@ def _shared(points: np.ndarray, sizes: list[int]) -> np.ndarray:
 
 def _refuse_ghosts(arrays: dict[str, np.ndarray]) -> None:
     """Ghost cells are copies of another piece's: moved by themselves they would part from those."""
-    ghosts = arrays.get("vtkGhostLevels", np.zeros(1)) > 0
-    copies = (arrays.get("vtkGhostType", np.zeros(1)).astype(np.int64) & 1) > 0
+    levels, types = (arrays.get(name, np.zeros(1)) for name in GHOSTS)
+    ghosts = levels > 0
+    copies = (types.astype(np.int64) & 1) > 0
     if ghosts.any() or copies.any():
         raise InputError("ghost cells, copies of cells in another piece, are not supported; remove them")
 
