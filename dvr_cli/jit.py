@@ -6,6 +6,7 @@ Importing this module imports numba; only what has decided to compile does so.
 from __future__ import annotations
 
 import os
+import pickle
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
@@ -16,6 +17,7 @@ from pathlib import Path
 from threading import Lock
 from types import FunctionType, MappingProxyType, ModuleType
 from typing import Any, TypeVar, cast
+from zlib import crc32
 
 from llvmlite.binding import add_symbol, parse_bitcode
 from numba import config, njit, types
@@ -27,6 +29,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import _nrt
+from numba.core.serialize import dumps
 from numba.extending import intrinsic
 
 from dvr_cli.kept import last_change
@@ -221,14 +224,18 @@ class _KernelCacheImpl(CompileResultCacheImpl):
     Nothing looks into these; to make them, modules of numba would be imported that only compile.
     """
 
-    def reduce(self, result: CompileResult) -> Any:
-        """The parts of a kernel that are kept."""
+    def reduce(self, result: CompileResult) -> tuple[int, bytes]:
+        """The parts of a kernel that are kept, as bytes after their checksum."""
         *fields, environments = super().reduce(result)
-        return *fields, tuple(each for each in environments if each.consts)
+        kept = dumps((*fields, tuple(each for each in environments if each.consts)))
+        return crc32(kept), kept
 
-    def rebuild(self, target_context: Any, payload: Any) -> CompileResult:
-        """The kernel, of which no bitcode is read."""
-        code, fndesc, environment, signature, *_, reload_init, environments = payload
+    def rebuild(self, target_context: Any, payload: tuple[int, bytes]) -> CompileResult:
+        """The kernel, of which no bitcode is read; ValueError if it is not what was kept."""
+        checksum, kept = payload
+        if crc32(kept) != checksum:
+            raise ValueError("damaged machine code")
+        code, fndesc, environment, signature, *_, reload_init, environments = pickle.loads(kept)
         name, _, (machine_code, bitcode) = code
         for initialise in reload_init:
             initialise()
@@ -254,14 +261,27 @@ class _KernelCacheImpl(CompileResultCacheImpl):
 
 
 class _KernelCache(FunctionCache):
-    """numba's cache, which loads without a look through all that numba knows: only compiling needs one."""
+    """numba's cache, which loads without a look through all that numba knows: only compiling needs one.
+
+    A run never fails because of it: what cannot be read is compiled anew, what cannot be written is not kept.
+    """
 
     _impl_class = _KernelCacheImpl
 
     def load_overload(self, signature: Any, target_context: Any) -> CompileResult | None:
         """The kernel for a signature, or None if it has to be compiled."""
-        with self._guard_against_spurious_io_errors():
+        with suppress(Exception):  # a damaged file may raise anything
             return cast("CompileResult | None", self._load_overload(signature, target_context))
+        return None
+
+    def save_overload(self, signature: Any, data: CompileResult) -> None:
+        """Keep a kernel; an index that cannot be read makes room for a new one."""
+        try:
+            super().save_overload(signature, data)
+        except Exception:
+            with suppress(Exception):  # a disk that is full, or may not be written to
+                self.flush()
+                super().save_overload(signature, data)
 
 
 @cache

@@ -34,4 +34,6 @@ def may_be_kept(kernel: str) -> bool:
         return True
     name = f"{module}.{function}-*.py{sys.version_info.major}{sys.version_info.minor}*.nbi"
     found = beside.glob(f"__pycache__/{name}") if named is None else Path(named).glob(f"*/{name}")
-    return any(path.stat().st_mtime >= last_change() for path in found)
+    with suppress(OSError):  # another process may remove one meanwhile
+        return any(path.stat().st_mtime >= last_change() for path in found)
+    return False

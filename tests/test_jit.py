@@ -9,6 +9,7 @@ from needs import require
 
 numba = require("numba")
 
+from numba.core import caching  # noqa: E402
 from numba.core.caching import FunctionCache  # noqa: E402
 from numba.core.codegen import JITCodeLibrary  # noqa: E402
 from numba.core.types.functions import BaseFunction  # noqa: E402
@@ -70,6 +71,11 @@ def doubled_and_one(values):
     return doubled(values) + 1.0
 
 
+def increased(values):
+    """A kernel that compiles soon."""
+    return values[1] + 2.0
+
+
 def hits(kernel):
     """How often a kernel was found on disk."""
     return sum(kernel.stats.cache_hits.values())
@@ -87,6 +93,60 @@ def test_kernels_from_disk_run_and_are_linked_into_others(tmp_path, monkeypatch)
         calling = jit.compiled(FunctionType(doubled_and_one.__code__, names, "doubled_and_one"))
         assert calling(values).tolist() == [1.0, 3.0, 5.0]
         assert hits(calling) == found
+
+
+def kept(folder, ending):
+    """The one file of a folder's cache that has an ending."""
+    (path,) = folder.rglob(f"*{ending}")
+    return path
+
+
+def cut_off(path):
+    """Keep the first half of a file."""
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def flip(path):
+    """Change one bit in the midst of a file, where the machine code is."""
+    data = bytearray(path.read_bytes())
+    data[len(data) // 3] ^= 1
+    path.write_bytes(data)
+
+
+def fill(path):
+    """Put other bytes in place of all of a file."""
+    path.write_bytes(b"\xff" * path.stat().st_size)
+
+
+def block(path):
+    """Put a folder where a file was."""
+    path.unlink()
+    path.mkdir()
+
+
+@pytest.mark.parametrize("ending", [".nbi", ".nbc"])
+@pytest.mark.parametrize("damage", [cut_off, flip, fill, block])
+def test_a_damaged_file_is_compiled_anew_and_replaced(damage, ending, tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    values = np.arange(3.0)
+    jit.compiled(increased)(values)
+    damage(kept(tmp_path, ending))
+    for found in (0, 1):
+        kernel = jit.compiled(increased)
+        assert kernel(values) == 3.0
+        assert hits(kernel) == (0 if damage is block else found)
+
+
+def test_what_cannot_be_written_is_compiled_all_the_same(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+
+    def full(self, name):
+        raise OSError(28, "no space left on device")
+
+    monkeypatch.setattr(caching.IndexDataCacheFile, "_open_for_write", full)
+    kernel = jit.compiled(increased)
+    assert kernel(np.arange(3.0)) == 3.0
+    assert not list(tmp_path.rglob("*.nb*"))
 
 
 def test_functions_of_others_are_compiled_and_kept_by_numba_alone(tmp_path, monkeypatch):
