@@ -94,8 +94,11 @@ class Run:
 
         engine = None if self._moves.parts is None else self._engine
         how = self._domain.corners, self._moves.freedom, self._time_is_up
-        self.untangling = untangle(self.points, *how, engine=engine)
-        self.points = self.untangling.points
+        self.begin_with(untangle(self.points, *how, engine=engine))
+
+    def begin_with(self, untangling: Untangling) -> None:
+        """Begin where elements have been made positive."""
+        self.untangling, self.points = untangling, untangling.points
 
     def descend(self) -> None:
         """Lower the price of all elements, and find the level of care; see ``relax.descent``."""

@@ -17,7 +17,6 @@ from dvr_cli.errors import UsageError
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.groups import group_cells
-from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.mesh.region_choice import NONE, Divider, RegionChoice, regions_of
 
 
@@ -45,9 +44,7 @@ def regions_of_kinds(comm: Any, store: Store, choice: RegionChoice) -> tuple[np.
     return region, tuple(counted)
 
 
-def masks_of(
-    comm: Any, store: Store, local: Local, domain: Domain, selection: Selection
-) -> dict[str, np.ndarray]:
+def masks_of(store: Store, local: Local, domain: Domain, selection: Selection) -> dict[str, np.ndarray]:
     """As ``Selection.masks``, (n,) of the vertices of a rank's mesh, right for those that it owns."""
     masks = {}
     if selection.fix:
@@ -55,7 +52,7 @@ def masks_of(
     if selection.only:
         masks["--only"] = _in_groups(store, local, "only", selection.only)
     if selection.below is not None:
-        masks["--below"] = _around_worse(comm, store, local, domain, selection.below, selection.layers)
+        masks["--below"] = _around_worse(store, local, domain, selection.below, selection.layers)
     if selection.vertices is not None:
         if len(wrong := selection.vertices[(selection.vertices < 0) | (selection.vertices >= store.size)]):
             raise UsageError(f"vertices: there is no vertex {wrong[0]}")
@@ -80,18 +77,7 @@ def _in_groups(store: Store, local: Local, option: str, names: tuple[str, ...]) 
     return inside
 
 
-def _around_worse(
-    comm: Any, store: Store, local: Local, domain: Domain, limit: float, layers: int
-) -> np.ndarray:
+def _around_worse(store: Store, local: Local, domain: Domain, limit: float, layers: int) -> np.ndarray:
     """(n,) bool: the vertices of elements worse than ``limit``, and those within so many rings of them."""
-    own = store.owner(local.number) == comm.rank
-    cells = [block.vertices for block in domain.cells]
-    near = of_worse(domain, limit)
-    for _ in range(layers):
-        known = np.zeros(store.count, dtype=bool)
-        known[local.number[own] - store.first] = near[own]
-        before, _ = store.of_others(local.number, known)
-        near = within_rings(cells, before, 1)
-        if not any(comm.allgather(bool((near & ~before)[own].any()))):
-            break  # however many rings are asked for
-    return near
+    rows = [block.vertices for block in domain.cells]
+    return store.within_rings(local, rows, of_worse(domain, limit), layers)

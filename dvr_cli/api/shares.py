@@ -20,9 +20,11 @@ from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.phases import Run
 from dvr_cli.api.share_selection import masks_of, regions_of_kinds
 from dvr_cli.api.smoothing import DONE, freer, has_nothing_to_gain, is_worse
+from dvr_cli.api.untangling import reference_quality, untangle_phase
 from dvr_cli.boundary.freedom import interior_freedom
 from dvr_cli.distributed.job import LEAD
 from dvr_cli.distributed.member import take_turns
+from dvr_cli.distributed.orientation import mirrored_of, of_cells
 from dvr_cli.distributed.ranks import on_all
 from dvr_cli.distributed.rows import bounds, owner_of, sent
 from dvr_cli.distributed.share_engine import ShareEngine
@@ -32,6 +34,7 @@ from dvr_cli.distributed.share_writing import write_copy
 from dvr_cli.distributed.shared_parts import Share, share_of
 from dvr_cli.distributed.shares import CellRows, Local, Store
 from dvr_cli.distributed.sliding import sliding
+from dvr_cli.distributed.tangle import Tangle
 from dvr_cli.errors import DvrError, InputError, UsageError
 from dvr_cli.files.ranges import Ranges
 from dvr_cli.mesh.domain import Domain, domain_of
@@ -99,13 +102,11 @@ class Hooks(NamedTuple):
 def takes(options: SmoothOptions) -> bool:
     """True if a run with these options needs no rank that has the whole mesh.
 
-    These are all phases but untangling, along directions that do not depend on the mesh as a
-    whole.
+    These are all phases, along directions that do not depend on the mesh as a whole.
     """
     named = all(isinstance(entry, str) and entry in _DIRECTIONS for entry in options.entries)
     return (
         named
-        and not options.untangle
         and options.selection is not None  # so that files are read here
         and options.metric is None
         and not isinstance(options.region_choice, np.ndarray)
@@ -120,7 +121,7 @@ def smooth_shares(comm: Any, task: Task, hooks: Hooks | None = None) -> SmoothRe
 
     hooks: of the leading rank. Returns there the report, or the error with which it has ended; on all ranks
     None, with nothing written, where the mesh has to be on one rank for the result of ``smooth_mesh``: where
-    anything is wrong with it, a cell is not positive, or layers may have to be kept.
+    anything is wrong with it, or layers may have to be kept.
     """
     try:
         changed = on_all(comm, lambda: _changed(task.source))
@@ -187,12 +188,14 @@ def _agree(comm: Any, good: bool) -> bool:
 class _Mine(NamedTuple):
     """The work of a rank: its cells, their domain, how its vertices move, its share, its view of all.
 
-    regions: (kinds,) of the cells of each kind; dividers: what tells them apart. movable: (n,) bool, vertices
-    that could move, and masks: for each criterion those that it lets move, right for those of the rank.
+    mirrored: (c,) bool, the cells stored inside out, None where their measures say so. regions: (kinds,) of
+    the cells of each kind; dividers: what tells them apart. movable: (n,) bool, vertices that could move, and
+    masks: for each criterion those that it lets move, right for those of the rank.
     """
 
     local: Local
     domain: Domain
+    mirrored: np.ndarray | None
     regions: np.ndarray
     dividers: tuple[Divider, ...]
     movable: np.ndarray
@@ -209,21 +212,26 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
         return None
     if work.once and not _agree(comm, not _has_repeated(store)):
         return None
-    looks = work.options.shape == "auto"
-    if looks and comm.size > 1 and _has_layers(comm, store, backend):
-        return None
+    looks, looked = work.options.shape == "auto", False
+    if looks and comm.size > 1:
+        layers = _has_layers(comm, store, backend)
+        if layers:
+            return None
+        looked = layers is not None
     try:
         regions, dividers = regions_of_kinds(comm, store, work.options.region_choice)
     except UsageError:  # the leading rank will say so
         return None
     local = store.local(store.cells, store.lower)
-    positive = _positive_domain(comm, local, regions, backend)
-    if positive is None:
+    oriented = _oriented(comm, store, local, regions, backend)
+    if oriented is None:
         return None
-    domain, quality = positive
+    domain, mirrored, quality = oriented
     owned = store.owned(store.cells.cells)
     if looks and comm.size == 1 and _sees_layers(comm, domain, local.cells, owned, quality):
         return None  # it has all there is
+    if looks and comm.size > 1 and not looked and _has_layers(comm, store, backend, mirrored) is not False:
+        return None
     moves = Moves(interior_freedom(domain.interior, domain.dimension), None)
     if work.options.boundary == "slide":
         slides = sliding(comm, store, local, domain)
@@ -231,7 +239,7 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
             return None
         moves = Moves(slides[0], None, slides[1])
     try:
-        masks = masks_of(comm, store, local, domain, work.options.selection)
+        masks = masks_of(store, local, domain, work.options.selection)
     except UsageError:
         return None
     movable = moves.freedom.dimension > 0
@@ -244,7 +252,7 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
         return None
     domain = replace(domain, cell_ids=local.cells)
     view = View(domain, owned, share.relaxed, own, local.index[own])
-    return _Mine(local, domain, regions, dividers, movable, masks, moves, share, view)
+    return _Mine(local, domain, mirrored, regions, dividers, movable, masks, moves, share, view)
 
 
 def _has_repeated(store: Store) -> bool:
@@ -254,21 +262,31 @@ def _has_repeated(store: Store) -> bool:
     return len(np.unique(rows, axis=0)) < len(rows)
 
 
-def _positive_domain(
-    comm: Any, local: Local, regions: np.ndarray, backend: Any
-) -> tuple[Domain, np.ndarray] | None:
-    """The domain of a rank's mesh and (C,) the quality of its corners.
+def _oriented(
+    comm: Any, store: Store, local: Local, regions: np.ndarray, backend: Any
+) -> tuple[Domain, np.ndarray | None, np.ndarray] | None:
+    """The domain of a rank's mesh, its ``mirrored`` (see ``_Mine``), and (C,) the quality of its corners.
 
-    None on all ranks where any cell is not positive or there twice. Cells stored in both orientations have
-    to be alike once those of negative measure are turned: then no other way to orient the whole is.
+    Where all cells are positive and alike once those of negative measure are turned, no other way to orient
+    the whole is; else it is followed from rank to rank. None on all where a cell is there twice, or rounding
+    would decide.
     """
-    domain = domain_of(local.mesh, backend=backend, regions=_per_cell(regions, local))
+    of_cells = _per_cell(regions, local)
+    domain = domain_of(local.mesh, backend=backend, regions=of_cells)
+    if not _agree(comm, not len(domain.repeated)):
+        return None
     quality = corner_qualities(domain.points, domain.corners, backend)
-    good = not len(domain.repeated) and bool((quality > DEGENERATE).all())
+    good = bool((quality > DEGENERATE).all())
     ways = set(comm.allgather(domain.mirrored / len(local.cells)))
     if len(ways) > 1 or not ways <= {0.0, 1.0}:
         good = good and are_alike(domain.cells, backend)
-    return (domain, quality) if _agree(comm, good) else None
+    if _agree(comm, good):
+        return domain, None, quality
+    mirrored = mirrored_of(comm, store, local, domain, backend)
+    if mirrored is None:
+        return None
+    domain = domain_of(local.mesh, backend=backend, regions=of_cells, mirrored=mirrored)
+    return domain, mirrored, corner_qualities(domain.points, domain.corners, backend)
 
 
 def _per_cell(regions: np.ndarray, local: Local) -> RegionChoice:
@@ -276,16 +294,21 @@ def _per_cell(regions: np.ndarray, local: Local) -> RegionChoice:
     return regions[local.kinds] if regions.any() else (NONE,)
 
 
-def _has_layers(comm: Any, store: Store, backend: Any) -> bool:
-    """True on all ranks if any has cells whose stretching is coherent: whether to keep them is not said."""
+def _has_layers(comm: Any, store: Store, backend: Any, mirrored: np.ndarray | None = None) -> bool | None:
+    """True on all ranks if any has cells whose stretching is coherent: whether to keep them is not said.
+
+    mirrored: see ``_Mine``. None on all where that has to be known.
+    """
     cells = store.within(REACH)
     none = CellRows(*(column[:0] for column in store.lower))
     local = store.local(cells, none)
-    domain = domain_of(local.mesh, backend=backend)
-    quality = corner_qualities(domain.points, domain.corners, backend)
-    sound = not len(domain.repeated) and bool((quality > DEGENERATE).all())
-    if not _agree(comm, sound):
+    turned = None if mirrored is None else of_cells(store, mirrored, cells)
+    domain = domain_of(local.mesh, backend=backend, mirrored=turned)
+    if not _agree(comm, not len(domain.repeated)):
         return True
+    quality = corner_qualities(domain.points, domain.corners, backend)
+    if mirrored is None and not _agree(comm, bool((quality > DEGENERATE).all())):
+        return None
     return _sees_layers(comm, domain, local.cells, store.owned(cells.cells), quality)
 
 
@@ -320,18 +343,26 @@ def _smoothed(
     except UsageError:  # the leading rank will say so
         return None, domain.points
     before = quality_of(comm, view, local.mesh.points, work.vector)
+    untangling = options.untangle
+    if untangling is None:
+        untangling = options.is_free and options.stopping.max_iterations > 0 and before.inverted > 0
     start = time.perf_counter()
     engine = ShareEngine(comm, kind, share, options.threads)
     field = restrict_field(field, moves.freedom, local.index)
     anywhere = Moves(interior_freedom(moves.freedom.dimension > 0, domain.dimension), None)  # as the field is
     run = Run(domain, anywhere, engine, options, hooks.on_sweep, _asked(comm, hooks.interrupted), 0.0)
+    reference = before
+    if untangling:
+        run.begin_with(_tangle(store, mine).untangled(_ends(options, hooks.interrupted)))
+        after = quality_of(comm, view, domain.lift(local.mesh.points, run.points), False)
+        reference = reference_quality(after, before)
     if options.takes_descent and engine.batches:
         run.descend()
     run.relax(field)
     if options.takes_patches:
         run.relax_patches()
     if options.takes_polish:
-        run.polish(before.q1 or 0.0)
+        run.polish(reference.q1 or 0.0)
     if options.polish is None and run.polished:
         reached = domain.lift(local.mesh.points, run.points)
         minima = minima_of(view, reached), minima_of(view, local.mesh.points)
@@ -340,13 +371,19 @@ def _smoothed(
     points = domain.lift(local.mesh.points, run.points)
     after = quality_of(comm, view, points, work.vector)
     seconds = time.perf_counter() - start
-    if is_worse(after, before) or (options.keeps_altitude and lowers_altitude(after, before)):
+    if is_worse(after, reference) or (options.keeps_altitude and lowers_altitude(after, reference)):
         return None, points
+    left = dict.fromkeys(TANGLED, 0)
+    if after.inverted + after.degenerate:
+        left = _tangle(store, mine).left(run.points)
+    if run.untangling is not None:
+        run.phases.insert(0, untangle_phase(run.untangling, left))
     unmoved = _agree(comm, np.array_equal(points, local.mesh.points))
     limited_by = None
     ended = run.stopped_because in DONE or after.is_capped
     if ended and not has_nothing_to_gain(after, unmoved):
-        limited_by = _limit(comm, store, mine, points, after, options)
+        mends = left["elements"] > left["hopeless"] and not untangling
+        limited_by = _limit(comm, store, mine, points, after, options, mends)
     report = SmoothReport(
         shape=ShapeUse(options.shape_mode, 0, 1.0),
         mesh=_summary(comm, store, mine, work.counts),
@@ -357,14 +394,30 @@ def _smoothed(
         sweeps=[asdict(sweep) for sweep in run.sweeps],
         stopped_because=run.stopped_because,
         limited_by=limited_by,
-        left=dict.fromkeys(TANGLED, 0),
+        left=left,
         level=run.level,
         seconds=seconds,
         engine=kind.name_of(engine),
         threads=engine.threads,
-        options=options.record() | {"untangle": False},
+        options=options.record() | {"untangle": untangling},
     )
     return report, points
+
+
+def _tangle(store: Store, mine: _Mine) -> Tangle:
+    """The mesh as one of which elements may be tangled."""
+    mirrored = np.zeros(len(mine.local.cells), dtype=bool)
+    if mine.mirrored is not None:
+        mirrored = mine.mirrored
+    elif mine.domain.mirrored:
+        mirrored = turned_cells(mine.local.mesh.cells[: len(mine.domain.cells)], mine.domain.cells)
+    return Tangle(store, mine.local, mine.domain, mirrored, mine.moves.freedom, mine.share.relaxed)
+
+
+def _ends(options: SmoothOptions, interrupted: Callable[[], bool]) -> Callable[[], bool]:
+    """The answer of this rank alone to whether it is time to end."""
+    start = time.perf_counter()
+    return lambda: interrupted() or options.stopping.less(time.perf_counter() - start).time_limit == 0
 
 
 def _asked(comm: Any, interrupted: Callable[[], bool]) -> Callable[[], bool]:
@@ -390,9 +443,18 @@ def _summary(comm: Any, store: Store, mine: _Mine, counts: dict[str, int]) -> Me
 
 
 def _limit(
-    comm: Any, store: Store, mine: _Mine, points: np.ndarray, after: Quality, options: SmoothOptions
+    comm: Any,
+    store: Store,
+    mine: _Mine,
+    points: np.ndarray,
+    after: Quality,
+    options: SmoothOptions,
+    mends: bool,
 ) -> Limit | None:
-    """The limit of the whole, on the leading rank: from the cells around the worst ones alone."""
+    """The limit of the whole, on the leading rank: from the cells around the worst ones alone.
+
+    mends: whether untangling helps, see ``limit_of``.
+    """
     local, domain, share = mine.local, mine.domain, mine.share
     worst = np.isin(local.cells, [element.cell for element in after.worst])
     place = np.repeat(worst, np.diff(domain.corners.start))
@@ -400,7 +462,9 @@ def _limit(
     named = distinct(np.concatenate(comm.allgather(named)))
     if comm.rank != LEAD:
         named = named[:0]
-    near = store.local(store.around(named), store.lower_around(named))
+    cells = store.around(named)
+    near = store.local(cells, store.lower_around(named))
+    mirrored = None if mine.mirrored is None else of_cells(store, mine.mirrored, cells)
     d = points.shape[1]
     flags = np.stack([domain.interior, share.relaxed, mine.movable, *mine.masks.values()], axis=1)
     rows = np.zeros((store.count, d + flags.shape[1]))
@@ -414,7 +478,7 @@ def _limit(
     small = replace(near.mesh, points=np.concatenate([near.mesh.points, corners]))
     interior, relaxed, movable, *masks = np.pad(around[:, d:].T > 0.0, ((0, 0), (0, 2)))
     free = np.logical_and.reduce([np.ones(len(small.points), dtype=bool), *masks])
-    of_small = domain_of(small, regions=_per_cell(mine.regions, near))
+    of_small = domain_of(small, regions=_per_cell(mine.regions, near), mirrored=mirrored)
     of_small = replace(of_small, interior=interior, cell_ids=near.cells)
     kept = {name: movable & ~mask for name, mask in zip(mine.masks, masks, strict=True)}
     return limit_of(
@@ -423,6 +487,7 @@ def _limit(
         np.flatnonzero(relaxed),
         after,
         HeldBy(kept, freer(small, of_small, options.boundary, free, options.feature_angle)),
+        mends,
         names=np.append(near.index, (-1, -1)),
     )
 

@@ -18,6 +18,7 @@ from dvr_cli.distributed.rows import asked, bounds, owner_of, places, sent, swap
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.morton import morton_codes
+from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.mesh.plane import other_axes
 from dvr_cli.mesh.ranks import distinct, distinct_and_ranks
 
@@ -231,6 +232,21 @@ class Store:
         mesh = self.kinds.mesh(np.ascontiguousarray(rows[order, 1:]), placed(cells), placed(lower))
         kinds = np.concatenate([cells.kinds, lower.kinds])
         return Local(mesh, index[order], numbers[order], cells.ids, kinds)
+
+    def within_rings(self, local: Local, rows: list[np.ndarray], near: np.ndarray, rings: int) -> np.ndarray:
+        """As ``neighbours.within_rings`` in the whole, (n,) of the vertices of a rank's mesh.
+
+        rows: of its vertices. near: (n,) bool; it counts what the owner of a vertex says, or its neighbours.
+        """
+        own = self._owns(local.number)
+        for _ in range(rings):
+            known = np.zeros(self.count, dtype=bool)
+            known[local.number[own] - self.first] = near[own]
+            before, _ = self.of_others(local.number, known)
+            near = within_rings(rows, before, 1)
+            if not any(self.comm.allgather(bool((near & ~before)[own].any()))):
+                break  # however many rings are asked for
+        return near
 
     def _owns(self, numbers: np.ndarray) -> np.ndarray:
         return (numbers >= self.first) & (numbers < self.first + self.count)

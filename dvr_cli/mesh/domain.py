@@ -123,12 +123,17 @@ class Domain:
 
 
 def domain_of(
-    mesh: Mesh, straighten: bool = False, backend: Backend = NUMPY, regions: RegionChoice = ()
+    mesh: Mesh,
+    straighten: bool = False,
+    backend: Backend = NUMPY,
+    regions: RegionChoice = (),
+    mirrored: np.ndarray | None = None,
 ) -> Domain:
     """Check a mesh and find its domain.
 
     straighten: take curved second-order cells as straight; else their vertices are not interior.
-    backend: what computes; the result is the same. regions: see ``region_choice``.
+    backend: what computes; the result is the same. regions: see ``region_choice``. mirrored: (n,) bool, the
+    cells stored inside out, where that is known, as of a part of a mesh; no cell is there twice then.
 
     Raises InputError for a mesh without planar or volume cells, with coordinates that are not finite, with
     cells that name missing vertices or one vertex twice, or with cells that cannot be relaxed (polygons).
@@ -157,11 +162,8 @@ def domain_of(
         points = mesh.points if plane is None else plane.flatten(mesh.points)
     points = np.require(points, np.float64, ["C", "W"])
     as_stored = corners_of(stored, dimension)
-    if points.shape[1] > dimension:  # either side of a surface may be its upper one
-        mirrored = unlike_cells(np.ones(len(as_stored.start) - 1), stored, backend)
-    else:
-        measures = as_stored.by_cell(np.add, backend.twin(determinants)(points, as_stored.vertices))
-        mirrored = mirrored_cells(measures, stored, backend)
+    if mirrored is None:
+        mirrored = _mirrored(points, as_stored, stored, backend)
     cells = with_mirrored(stored, mirrored)
     interior = _interior(mesh, linear, stored, blocks, region, backend) & mesh.unlinked
     if mids is not None and not straighten:
@@ -185,6 +187,14 @@ def domain_of(
         straighten=straighten,
         backend=backend,
     )
+
+
+def _mirrored(points: np.ndarray, corners: Corners, stored: list[Cells], backend: Backend) -> np.ndarray:
+    """(n,) bool: the cells stored inside out; corners: theirs as they are stored."""
+    if points.shape[1] > corners.dimension:  # either side of a surface may be its upper one
+        return unlike_cells(np.ones(len(corners.start) - 1), stored, backend)
+    measures = corners.by_cell(np.add, backend.twin(determinants)(points, corners.vertices))
+    return mirrored_cells(measures, stored, backend)
 
 
 def _interior(

@@ -35,11 +35,7 @@ def unlike_cells(weights: np.ndarray, blocks: list[Cells], backend: Backend = NU
 
     blocks, backend: as for ``mirrored_cells``.
     """
-    one, other, alike = _neighbours(blocks, backend)
-    # node 2c stands for "cell c as stored", node 2c+1 for its mirror image
-    one_side = np.concatenate([2 * one, 2 * one + 1])
-    other_side = np.concatenate([2 * other + ~alike, 2 * other + alike])
-    label = connected_parts(2 * len(weights), one_side, other_side)
+    label = connected_parts(2 * len(weights), *sides(blocks, backend))
     as_stored, mirrored = label[0::2], label[1::2]
     # The two labels of a cell name the two ways to orient its part. Adding up the measures under the smaller
     # of them gives the sign of that way; a part that cannot be oriented (both labels equal) stays as stored.
@@ -48,6 +44,21 @@ def unlike_cells(weights: np.ndarray, blocks: list[Cells], backend: Backend = NU
     np.add.at(total, np.minimum(as_stored, mirrored), way * weights)
     good_way = np.where(total[np.minimum(as_stored, mirrored)] >= 0, 1.0, -1.0)
     return (way != good_way) & (as_stored != mirrored)
+
+
+def sides(
+    blocks: list[Cells], backend: Backend, seen: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """The edges (e,), (e,) of a graph, in which the ways to store two neighbours alike are joined.
+
+    Node 2c stands for "cell c as stored", node 2c+1 for its mirror image. seen: (N,) bool, facets without one
+    of these vertices do not count.
+    """
+    one, other, alike = _neighbours(blocks, backend, seen)
+    return (
+        np.concatenate([2 * one, 2 * one + 1]),
+        np.concatenate([2 * other + ~alike, 2 * other + alike]),
+    )
 
 
 def are_alike(blocks: list[Cells], backend: Backend = NUMPY) -> bool:
@@ -91,10 +102,15 @@ def connected_parts(n: int, tail: np.ndarray, head: np.ndarray) -> np.ndarray:
             return label
 
 
-def _neighbours(blocks: list[Cells], backend: Backend) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _neighbours(
+    blocks: list[Cells], backend: Backend, seen: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The pairs of cells that share a facet, by number, and whether the two are stored alike ((n,) bool)."""
     facets = facets_of(blocks, backend)
     pair = facets.start[:-1][facets.shared_by == 2]
+    if seen is not None:
+        vertices = facets.vertices[pair]
+        pair = pair[(seen[vertices] & (vertices >= 0)).any(axis=1)]
     one, other = facets.cell[pair].astype(np.int64), facets.cell[pair + 1].astype(np.int64)
     return one, other, ~_same_direction(facets.vertices[pair], facets.vertices[pair + 1])
 

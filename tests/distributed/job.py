@@ -16,6 +16,7 @@ from mpi4py import MPI
 
 from dvr_cli.cli.main import main
 from dvr_cli.cli.progress import Progress
+from dvr_cli.distributed import tangle
 from dvr_cli.distributed.member import Member
 from dvr_cli.distributed.share_engine import ShareEngine
 from dvr_cli.files import reading
@@ -64,6 +65,16 @@ def fast():
     return clock() + 3600.0 * next(hours)
 
 
+def small(untangled):
+    """``untangled`` of a part, which has to be far from the whole."""
+
+    def of_part(part, store, interrupted):
+        assert len(part.number) < 0.6 * store.size
+        return untangled(part, store, interrupted)
+
+    return of_part
+
+
 MOVING = ((Member, "_moved"), (ShareEngine, "_followed"))  # with a lead and without one
 exchanges = Member.exchange
 clock, hours = time.perf_counter, itertools.count(1)
@@ -71,6 +82,10 @@ commands, codes, *fault = sys.argv[1:]
 if "in shares" in fault:
     fault.remove("in shares")
     reading.open_mesh = not_read
+    tangle._REACH = 1  # so that it does not suffice
+if "in part" in fault:
+    fault.remove("in part")
+    tangle._untangled = small(tangle._untangled)
     if RANK > 0:
         time.perf_counter = fast
 if fault == ["a rank fails to send"]:

@@ -15,7 +15,7 @@ from dvr_cli.api.shares import takes
 from dvr_cli.cli.main import main
 from dvr_cli.files.formats import formats_by_suffix
 from dvr_cli.mesh.cell_types import CELL_TYPES
-from meshes import KINDS, random_mesh
+from meshes import KINDS, boxes_of, random_mesh, tangled
 from ranged_files import DATA, FILES, MIXED, PLANAR, gmsh_22, gmsh_41, write_ranged
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
@@ -50,6 +50,16 @@ RUNS = (
     ("hexahedron inside-out", "-n 3 --no-patches"),
     ("mixed3d both-ways", "-d random -n 30 --tol 1e-3"),
     ("quad inside-out", "-d random -n 3"),
+    ("tetra tangled", "-n 2"),
+    ("triangle tangled", "-n 2 --patches"),
+    ("hexahedron tangled inside-out", "-n 2"),
+    ("tetra tangled both-ways", "-n 2 --boundary slide"),
+    ("triangle tangled both-ways crossing", "-n 2"),
+    ("tetra tangled crossing", "-n 2"),
+    ("quad tangled hopeless", "-n 2"),
+    ("tetra tangled hopeless", "-d random -n 30 --tol 1e-3"),  # nobody untangles it
+    ("quad tangled", "-d random -n 2 --untangle"),
+    ("triangle both-ways", "-d random -n 2 --untangle"),
     ("mixed2d upright", "-d random,y -n 40 --tol 1e-3 --boundary slide"),
     ("quad across", "-n 3 --patches"),
     ("tetra both-ways", "-n 3 --boundary slide"),
@@ -94,10 +104,16 @@ def write(folder, name):
     kind, *how = name.split()
     if kind in KINDS:
         mesh = random_mesh(kind, 1, n=4, noise=0.25)
+        if "tangled" in how:
+            mesh = tangled(kind, 5, 0.7, 1)
+        if "crossing" in how:  # of the boundary, a vertex of which is on the other side
+            mesh.points[2] += [0.1, 1.0, 0.1][: mesh.points.shape[1]]
+        if "hopeless" in how:
+            mesh.points[0] += 1.2
         points = np.pad(mesh.points, ((0, 0), (0, 3 - mesh.points.shape[1])))
         axes = {"upright": [2, 0, 1], "across": [1, 2, 0]}.get(" ".join(how), [0, 1, 2])
         points = points[:, axes]  # of a plane in which the first coordinate is the same, or the second
-        step = {"inside-out": 1, "both-ways": 3}.get(" ".join(how), 0)
+        step = 1 if "inside-out" in how else 3 if "both-ways" in how else 0
         cells = []
         for block in mesh.cells:
             rows = block.vertices.copy()
@@ -154,19 +170,33 @@ def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, rank
     assert "converged" in reasons or every > 1
 
 
+def test_what_is_tangled_goes_to_one_rank_and_no_more(tmp_path, on_ranks):
+    mesh, path = boxes_of("triangle", 30), tmp_path / "corner.vtk"
+    mesh.points += np.random.default_rng(1).uniform(-0.004, 0.004, mesh.points.shape)
+    mesh.points[np.abs(mesh.points - 2 / 30).sum(axis=1).argmin()] += [0.05, 0.02]  # near a corner
+    meshio.Mesh(np.pad(mesh.points, ((0, 0), (0, 1))), [("triangle", mesh.cells[0].vertices)]).write(path)
+    command = ["smooth", str(path), "out.vtk", "-n", "1", "--no-patches", "--engine", "numpy", "--quiet"]
+    (tmp_path / "alone").mkdir()
+    assert in_one_process(tmp_path / "alone", [command]) == [0]
+    done, ends = job(on_ranks, 3, tmp_path, [[*command, "--mpi"]], "in shares", "in part")
+    assert (done.stderr, ends) == ("", [0])
+    assert (tmp_path / "out.vtk").read_bytes() == (tmp_path / "alone" / "out.vtk").read_bytes()
+    report = json.loads((tmp_path / "out.quality.json").read_text())
+    assert report["before"]["inverted"] > report["after"]["inverted"] == 0
+
+
 @pytest.mark.long
 def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
-    """A mesh with layers, one with inverted cells, one with a cell twice: a rank has them whole.
+    """A mesh with layers, one with a cell twice: a rank has them whole.
 
     Of Gmsh's files one with a triangle twice, as for each of its groups.
     """
     tall = random_mesh("tetra", 1, n=5, noise=0.1)
     flat = tall.points * [1.0, 1.0, 0.02]
-    tangled = random_mesh("tetra", 1, n=4, noise=0.6)
     plain = random_mesh("tetra", 1, n=3, noise=0.1)
     twice = np.concatenate([plain.cells[0].vertices, plain.cells[0].vertices[:1]])
     meshes = {"layers": (flat, tall.cells[0].vertices)}
-    meshes |= {"tangled": (tangled.points, tangled.cells[0].vertices), "twice": (plain.points, twice)}
+    meshes |= {"twice": (plain.points, twice)}
     commands = []
     for name, (points, cells) in meshes.items():
         meshio.Mesh(points, [("tetra", cells)]).write(tmp_path / f"{name}.vtk")
@@ -180,7 +210,7 @@ def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
     for name in "groups", "volumes", "parametric":
         commands.append(["smooth", str(tmp_path / f"{name}.msh"), f"{name}-out.msh", *commands[-1][3:]])
     done, ends = job(on_ranks, 3, tmp_path, [[*command, "--mpi"] for command in commands])
-    assert (done.stderr, ends) == ("", [0] * 6)
+    assert (done.stderr, ends) == ("", [0] * 5)
     (tmp_path / "alone").mkdir()
     assert in_one_process(tmp_path / "alone", commands) == ends
     for path in (tmp_path / "alone").iterdir():
@@ -274,7 +304,7 @@ def test_runs_that_need_the_whole_mesh_are_not_taken():
     assert takes(SmoothOptions(boundary="slide"))
     assert takes(SmoothOptions(fix="a", only="b", below=0.3, vertices=[1], regions="none"))
     others = [{"directions": "radial"}, {"boundary": "project"}]
-    others += [{"regions": np.zeros(3, dtype=int)}, {"untangle": True}]
+    others += [{"regions": np.zeros(3, dtype=int)}]
     others += [{"order": "natural"}, {"shape": "input"}, {"metric": np.ones((3, 3, 3))}]
     for other in others:
         assert not takes(SmoothOptions(**{"directions": "random"} | other)), other

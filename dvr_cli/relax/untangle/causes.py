@@ -13,7 +13,7 @@ from dvr_cli.quality.mean_ratio import DEGENERATE, element_qualities
 from dvr_cli.relax.phases import TANGLED
 from dvr_cli.relax.untangle.phase import inverted_by_held
 
-_NEAR = 2  # rings of vertices around a crossing within which it is to blame
+NEAR = 2  # rings of vertices around a crossing within which it is to blame
 
 
 def tangled_elements(points: np.ndarray, domain: Domain, freedom: Freedom) -> dict[str, int]:
@@ -30,15 +30,15 @@ def tangled_elements(points: np.ndarray, domain: Domain, freedom: Freedom) -> di
     rest = tangled & ~known
     crossing = np.zeros(len(points), dtype=bool)
     if rest.any():
-        facets = _held_facets(domain, freedom)
+        facets = held_facets(domain, freedom)
         crossing[facets[crossing_facets(points, facets)]] = True
-    near = within_rings([corners.vertices], crossing, _NEAR)[corners.vertices].any(axis=1)
+    near = within_rings([corners.vertices], crossing, NEAR)[corners.vertices].any(axis=1)
     blamed = rest & corners.by_cell(np.logical_or, near)
     numbers = tangled.sum(), (tangled & known).sum(), blamed.sum()
     return {reason: int(number) for reason, number in zip(TANGLED, numbers, strict=True)}
 
 
-def _held_facets(domain: Domain, freedom: Freedom) -> np.ndarray:
+def held_facets(domain: Domain, freedom: Freedom) -> np.ndarray:
     """(F, d) the facets all of whose vertices are held, once each, those with four cut in two."""
     d, parts = domain.dimension, []
     for block in domain.cells:

@@ -39,6 +39,10 @@ _PARTS = (1.0, 0.5, 0.25, 0.125)  # of their moves that vertices try where some 
 _EVEN = 1e-3  # mean of 1/Q - 1 below which there is nothing to even out
 
 
+class OutOfReach(Exception):
+    """The part of a mesh that is being untangled is too small."""
+
+
 @dataclass(frozen=True)
 class Round:
     """One round: free vertices, elements inverted or degenerate after it, seconds it took."""
@@ -69,6 +73,7 @@ def untangle(
     interrupted: Callable[[], bool] = lambda: False,
     on_round: Callable[[Round], None] | None = None,
     engine: Engine | None = None,
+    complete: np.ndarray | None = None,
 ) -> Untangling:
     """Move vertices so that inverted and degenerate elements become positive.
 
@@ -77,8 +82,10 @@ def untangle(
     round. engine: the one in which vertices walk that have no freedom, at ``points``. Vertices far from all
     inverted elements keep their coordinates, and none leaves the bounding box of the points by more than its
     diagonal. Elements that no movement can make positive do not count, see ``inverted_by_held``.
+    complete: (N,) bool, of a part of a mesh the vertices all of whose elements are there; raises OutOfReach
+    before others would move.
     """
-    run = _Run(points, corners, freedom, interrupted, on_round)
+    run = _Run(points, corners, freedom, interrupted, on_round, complete)
     moved = np.zeros(len(points), dtype=bool)
     run.untangle(moved)
     if engine is not None and not run.is_done and not interrupted():
@@ -120,8 +127,10 @@ class _Run:
         freedom: Freedom,
         interrupted: Callable[[], bool],
         on_round: Callable[[Round], None] | None,
+        complete: np.ndarray | None,
     ) -> None:
         self.rounds: list[Round] = []
+        self._complete = complete
         self._corners, self._freedom = corners, freedom
         self._interrupted, self._on_round = interrupted, on_round
         self._low, self._high = points.min(axis=0), points.max(axis=0)
@@ -174,6 +183,8 @@ class _Run:
 
         shrink: ε as a part of how negative the worst corner is.
         """
+        if self._complete is not None and (region & ~self._complete).any():
+            raise OutOfReach
         start = time.perf_counter()
         freedom = self._freedom if self._walking is None else self._walking.freedom(self._freedom)
         freedom = freedom.only(region)
