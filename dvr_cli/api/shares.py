@@ -232,6 +232,7 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
         return None  # it has all there is
     if looks and comm.size > 1 and not looked and _has_layers(comm, store, backend, mirrored) is not False:
         return None
+    del oriented, quality  # large, and needed no more
     moves = Moves(interior_freedom(domain.interior, domain.dimension), None)
     if work.options.boundary == "slide":
         slides = sliding(comm, store, local, domain)

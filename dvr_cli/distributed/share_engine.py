@@ -87,7 +87,7 @@ class ShareEngine(Engine):
 
     def level(self, qualities: np.ndarray, share: float = WORST, least: int = LEAST) -> float:
         place = place_of_level(self._comm.allreduce(len(qualities)), share, least)
-        return of_rank(self._comm, np.sort(qualities), np.array([place]))[0]
+        return of_rank(self._comm, qualities, np.array([place]))[0]
 
     def lowest(self, values: np.ndarray) -> float:
         return min(self._comm.allgather(float(values.min(initial=np.inf))))

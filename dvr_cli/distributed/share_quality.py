@@ -146,12 +146,13 @@ def _quantiles(comm: Any, ordered: np.ndarray, count: int) -> dict[float, float]
     return {q: float(np.interp(places[q], sides[q], [value[k] for k in sides[q]])) for q in QUANTILES}
 
 
-def of_rank(comm: Any, ordered: np.ndarray, wanted: np.ndarray) -> list[float]:
+def of_rank(comm: Any, values: np.ndarray, wanted: np.ndarray) -> list[float]:
     """The values at some places of the sorted values of all ranks, by halving the range of numbers.
 
     As 64 bits numbers have an order that is theirs, so 64 halvings find each.
     """
-    keys = _keys(ordered)
+    keys = _keys(values)
+    keys.sort()
     low = np.zeros(len(wanted), dtype=np.uint64)
     for bit in range(63, -1, -1):
         middle = low | np.uint64(1 << bit)
@@ -163,8 +164,9 @@ def of_rank(comm: Any, ordered: np.ndarray, wanted: np.ndarray) -> list[float]:
 def _keys(values: np.ndarray) -> np.ndarray:
     """Whole numbers in the order of ``values``, float64."""
     bits = (values + 0.0).view(np.uint64)  # one zero
-    sign = np.uint64(1 << 63)
-    return np.where(bits & sign, ~bits, bits | sign)
+    negative = bits.view(np.int64) < 0
+    np.invert(bits, out=bits, where=negative)  # in place, as there may be many
+    return np.bitwise_or(bits, np.uint64(1 << 63), out=bits, where=~negative)
 
 
 def _of_keys(keys: np.ndarray) -> np.ndarray:

@@ -52,8 +52,8 @@ class ShareRounds(Rounds):
         """engine: of the share, whose altitude is kept. member: has the coordinates."""
         self._comm, self._engine, self._share, self._member = comm, engine, share, member
         self._vicinities = Vicinities(comm, share, member.engine)
-        self._first = np.flatnonzero(share.part.first)
-        self._answered = np.full(len(share.corners), -1, dtype=np.int32)  # of corners the number among these
+        self._first = np.flatnonzero(share.part.first).astype(np.int32)
+        self._answered = np.full(share.ids.start[-1], -1, dtype=np.int32)  # of corners the number among these
         self._answered[share.part.problem.touched_ids[self._first]] = np.arange(len(self._first))
 
     def solve(
@@ -153,7 +153,7 @@ class ShareRounds(Rounds):
         has = np.repeat(grown, [len(one) for one in ids])
         columns = _joined(ids, np.int64), _joined(values, np.float64), has
         found, quality, has = sent(self._comm, _joined(to, np.int64), *columns)
-        return self._answered[np.searchsorted(self._share.corners, found)], quality, has
+        return self._answered[self._share.ids.corners(found)], quality, has
 
 
 def _joined(parts: list[np.ndarray], dtype: type, *width: int) -> np.ndarray:

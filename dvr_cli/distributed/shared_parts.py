@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,12 +12,31 @@ from dvr_cli.distributed.colouring import colours, turns
 from dvr_cli.distributed.parts import Part, Shared
 from dvr_cli.distributed.shares import Local, Store
 from dvr_cli.mesh.cell_types import CELL_TYPES
-from dvr_cli.mesh.corners import Corners, Simplices
+from dvr_cli.mesh.corners import Simplices
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.rings import incidence_of
 from dvr_cli.relax.problem import Problem, touched_corners
 
 _CORNERS = max(len(cell_type.corners) for cell_type in CELL_TYPES.values())
+
+
+class CornerIds(NamedTuple):
+    """The ids that the corners of a rank's cells have in the whole, in the order of the whole.
+
+    cells: (n,) ids of the cells, ascending. start: (n + 1,) the corners of each.
+    """
+
+    cells: np.ndarray
+    start: np.ndarray
+
+    def of(self, corners: np.ndarray) -> np.ndarray:
+        """(m,) the ids of some corners."""
+        cell = np.searchsorted(self.start, corners, side="right") - 1
+        return self.cells[cell] * _CORNERS + (corners - self.start[cell])
+
+    def corners(self, ids: np.ndarray) -> np.ndarray:
+        """(m,) the corners with some ids."""
+        return self.start[np.searchsorted(self.cells, ids // _CORNERS)] + ids % _CORNERS
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +46,7 @@ class Share:
     place: (n,) the vertices of the rank's mesh in the order of the part. own, relaxed: (n,) bool, of the
     vertices of that mesh those that the rank owns, and those that move, on whatever rank.
     freedom: of the vertices of the part, None where all move anywhere.
-    number: (n,) of the vertices of the part, and corners: (c,) ids of the corners of that mesh, in the whole.
+    number: (n,) of the vertices of the part, and ids: of the corners of that mesh, in the whole.
     bounds: (ranks + 1,) the ranges of numbers that ranks own.
     """
 
@@ -37,14 +56,14 @@ class Share:
     relaxed: np.ndarray
     freedom: Freedom | None
     number: np.ndarray
-    corners: np.ndarray
+    ids: CornerIds
     bounds: np.ndarray
 
     def turn_of(self, corner: int) -> tuple[int, int]:
         """The place of a touched corner in the order that the touched corners of the whole problem have."""
         problem = self.part.problem
         lowest = self.number[problem.touched.vertices[corner].min()]
-        return int(lowest), int(self.corners[problem.touched_ids[corner]])
+        return int(lowest), int(self.ids.of(problem.touched_ids[[corner]])[0])
 
 
 def share_of(comm: Any, store: Store, local: Local, domain: Domain, freedom: Freedom) -> Share:
@@ -65,7 +84,7 @@ def share_of(comm: Any, store: Store, local: Local, domain: Domain, freedom: Fre
     vertices, shapes, touched_ids = domain.backend.twin(touched_corners)(
         corners.vertices, corners.shapes, own & moves, number
     )
-    touched = Simplices(vertices, shapes, corners.table)
+    touched, touched_ids = Simplices(vertices, shapes, corners.table), touched_ids.astype(np.int32)
     rings_of = np.flatnonzero((own & moves)[place])
     incidence = incidence_of(touched, rings_of, len(place), domain.backend)
     relaxed = position[place] >= 0
@@ -97,17 +116,8 @@ def share_of(comm: Any, store: Store, local: Local, domain: Domain, freedom: Fre
         first=owners.min(axis=1) == comm.rank,
         corners=touched_ids,
     )
-    ids = _ids_of_corners(local.cells, corners, store.kinds.are_simplices)
+    ids = CornerIds(local.cells, corners.start)
     return Share(part, place, own, position >= 0, known, local.number[place], ids, store.bounds)
-
-
-def _ids_of_corners(cells: np.ndarray, corners: Corners, are_simplices: bool) -> np.ndarray:
-    """(c,) ids of the corners of cells (ids in the whole), in the order of the whole."""
-    if are_simplices:
-        return cells
-    counts = np.diff(corners.start)
-    nth = np.arange(corners.start[-1]) - np.repeat(corners.start[:-1], counts)
-    return np.repeat(cells, counts) * _CORNERS + nth
 
 
 def _freedom_of_all(

@@ -61,11 +61,6 @@ class Kinds(NamedTuple):
         return [kind for kind, name in enumerate(self.types) if CELL_TYPES[name].dimension == dimension]
 
     @property
-    def are_simplices(self) -> bool:
-        """True if all of these have one corner each."""
-        return all(CELL_TYPES[self.types[kind]].is_simplex for kind in self.moving)
-
-    @property
     def sizes(self) -> list[int]:
         """The number of vertices of the cells of each kind."""
         return [CELL_TYPES[name].nodes for name in self.types]

@@ -119,7 +119,7 @@ class Vicinities:
 
     def ids(self, corners: np.ndarray) -> np.ndarray:
         """The ids of some touched corners of this rank."""
-        return self._share.corners[self._share.part.problem.touched_ids[corners]]
+        return self._share.ids.of(self._share.part.problem.touched_ids[corners])
 
     def turns(self, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The order of some touched corners in the whole: by lowest vertex, then by id."""

@@ -36,6 +36,13 @@ RUNS = (
 )
 # ranks, and one run in so many, where tests may take long
 OTHERS = ((1, 2), (2, 2), (3, 3), (4, 1), (8, 3))
+COMPILED = ((2, 3), (3, 1), (8, 4))  # the same with the compiled engine
+CASES = [(3, 8, "numpy")]
+CASES += [
+    pytest.param(*both, engine, marks=pytest.mark.long)
+    for engine, some in (("numpy", OTHERS), ("numba", COMPILED))
+    for both in some
+]
 
 
 def job(on_ranks, ranks, folder, commands, *fault):
@@ -74,15 +81,15 @@ def write(folder, name, binary=True):
 write_text = partial(write, binary=False)  # of which no rank reads a range
 
 
-def commands_of(folder, runs, *more, write=write):
+def commands_of(folder, runs, *more, write=write, engine="numpy"):
     """A command each, of which the meshes are in a folder, and the outputs in whatever folder it runs in.
 
     write: makes the file of a mesh by folder and name.
     """
-    engine = ["--engine", "numpy", "--quiet", *more]
+    others = ["--engine", engine, "--threads", "1", "--quiet", *more]
     paths = [write(folder, name) for name, _ in runs]
     return [
-        ["smooth", str(path), f"{i}{path.suffix}", *options.split(), *engine]
+        ["smooth", str(path), f"{i}{path.suffix}", *options.split(), *others]
         for i, (path, (_, options)) in enumerate(zip(paths, runs, strict=True))
     ]
 
@@ -97,17 +104,16 @@ def without_times(report):
     return re.sub(rb'"seconds": [^,}]*', b"", report)
 
 
-@pytest.mark.parametrize(
-    ("ranks", "every"), [(3, 8), *(pytest.param(*both, marks=pytest.mark.long) for both in OTHERS)]
-)
-def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, ranks, every):
+@pytest.mark.parametrize(("ranks", "every", "engine"), CASES)
+def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, ranks, every, engine):
     """One rank has the mesh; in the usual run of the tests one run in so many."""
     runs = RUNS[::every]
     alone, together = tmp_path / "alone", tmp_path / "together"
     alone.mkdir()
     together.mkdir()
-    assert set(in_one_process(alone, commands_of(alone, runs, write=write_text))) == {0}
-    done, ends = job(on_ranks, ranks, together, commands_of(alone, runs, "--mpi", write=write_text))
+    how = {"write": write_text, "engine": engine}
+    assert set(in_one_process(alone, commands_of(alone, runs, **how))) == {0}
+    done, ends = job(on_ranks, ranks, together, commands_of(alone, runs, "--mpi", **how))
     assert (done.returncode, done.stderr) == (0, "")
     assert set(ends) == {0}
     for i, (name, options) in enumerate(runs):

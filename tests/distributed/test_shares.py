@@ -89,6 +89,13 @@ RUNS = (
 )
 # ranks, and one run in so many, where tests may take long
 OTHERS = ((1, 6), (2, 4), (3, 3), (4, 1), (8, 4))
+COMPILED = ((2, 3), (3, 1), (8, 5))  # the same with the compiled engine
+CASES = [(3, 16, "numpy")]
+CASES += [
+    pytest.param(*both, engine, marks=pytest.mark.long)
+    for engine, some in (("numpy", OTHERS), ("numba", COMPILED))
+    for both in some
+]
 
 
 def ranges_of(path):
@@ -146,17 +153,16 @@ def write_apart(folder, name):
 commands_of = partial(commands_for, write=write_apart)
 
 
-@pytest.mark.parametrize(
-    ("ranks", "every"), [(3, 16), *(pytest.param(*both, marks=pytest.mark.long) for both in OTHERS)]
-)
-def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, ranks, every):
+@pytest.mark.parametrize(("ranks", "every", "engine"), CASES)
+def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, ranks, every, engine):
     """In the usual run of the tests one run in so many."""
     runs, reasons = RUNS[::every], set()
     alone, together = tmp_path / "alone", tmp_path / "together"
     alone.mkdir()
     together.mkdir()
-    assert set(in_one_process(alone, commands_of(alone, runs))) == {0}
-    done, ends = job(on_ranks, ranks, together, commands_of(alone, runs, "--mpi"), "in shares")
+    assert set(in_one_process(alone, commands_of(alone, runs, engine=engine))) == {0}
+    commands = commands_of(alone, runs, "--mpi", engine=engine)
+    done, ends = job(on_ranks, ranks, together, commands, "in shares")
     assert (done.returncode, done.stderr) == (0, "")
     assert set(ends) == {0}
     for i, run in enumerate(runs):
