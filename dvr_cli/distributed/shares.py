@@ -258,13 +258,11 @@ class Store:
         """Of some cells of this rank those with one of some of its vertices."""
         if not len(numbers):
             return CellRows(*(column[:0] for column in cells))
-        marked = np.zeros(self.count + 1, dtype=bool)  # the last stands for vertices of others
-        marked[numbers - self.first] = True
+        marked = np.zeros(self.count + 2, dtype=bool)  # the first and last stand for vertices of others
+        marked[numbers - self.first + 1] = True
         which = np.zeros(len(cells.ids), dtype=bool)
         for column in cells.cells.T:  # rows are short
-            place = column - self.first
-            place[(place < 0) | (place >= self.count)] = self.count
-            which |= marked[place]
+            which |= marked.take(column - (self.first - 1), mode="clip")
         return CellRows(*(column[which] for column in cells))
 
     def _dealt(self, cells: CellRows, numbers: np.ndarray) -> CellRows:

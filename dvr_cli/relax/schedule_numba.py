@@ -69,6 +69,8 @@ def colour_ready(
                         waits = True
                     elif colour[other] < most:
                         taken_by[colour[other]] = position
+            if waits:
+                break
         if not waits:
             free = 0
             while taken_by[free] == position:
