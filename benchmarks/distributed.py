@@ -35,7 +35,7 @@ _BYTES = 24  # of a vertex
 _LATENCY, _BANDWIDTH = 10e-6, 5e9
 _TETRAHEDRA = 10**9
 _RANDOM, _DEFAULT = ("-d", "random"), ("--patches",)  # runs, of two sweeps and rounds of each phase
-_WITH_LEAD = (*_RANDOM, "--fail-above", "max_angle=180")  # what keeps a rank from having a share alone
+_WITH_LEAD = (*_RANDOM, "--fail-above", "max-angle=180")  # what keeps a rank from having a share alone
 
 
 def run(quick: bool) -> None:

@@ -89,7 +89,7 @@ RUNS = (
 )
 # ranks, and one run in so many, where tests may take long
 OTHERS = ((1, 6), (2, 4), (3, 3), (4, 1), (8, 4))
-COMPILED = ((2, 3), (3, 1), (8, 5))  # the same with the compiled engine
+COMPILED = ((2, 3), (3, 1), (8, 4))  # the same with the compiled engine
 CASES = [(3, 16, "numpy")]
 CASES += [
     pytest.param(*both, engine, marks=pytest.mark.long)
