@@ -178,18 +178,19 @@ class Store:
         return self._around(self.lower, numbers)
 
     def within(self, steps: int) -> CellRows:
-        """All cells that cells which this rank owns lead to in some steps.
+        """All cells that cells which this rank owns lead to in some steps, and maybe some more.
 
         A step leads to all cells with a common vertex.
         """
         found = self.cells
         edge, known = found.cells[self.owned(found.cells)], np.empty(0, dtype=np.int64)
-        for _ in range(steps):
+        for step in range(steps):
             numbers = distinct(edge[~self._owns(edge)])
             numbers = numbers[~np.isin(numbers, known)]
             known = np.concatenate([known, numbers])
             more = self.around(numbers)
-            edge = more.cells
+            # the first step leads to cells of other ranks through vertices of this one, too
+            edge = more.cells if step else np.concatenate([more.cells, self.cells.cells])
             found = _each_once([found, more])
         return found
 
@@ -228,6 +229,13 @@ class Store:
         kinds = np.concatenate([cells.kinds, lower.kinds])
         return Local(mesh, index[order], numbers[order], cells.ids, kinds)
 
+    def as_owned(self, local: Local, values: np.ndarray) -> np.ndarray:
+        """The values (n, ...) that the owners of the vertices of a rank's mesh have for them."""
+        own = self._owns(local.number)
+        known = np.zeros((self.count, *values.shape[1:]), dtype=values.dtype)
+        known[local.number[own] - self.first] = values[own]
+        return self.of_others(local.number, known)[0]
+
     def within_rings(self, local: Local, rows: list[np.ndarray], near: np.ndarray, rings: int) -> np.ndarray:
         """As ``neighbours.within_rings`` in the whole, (n,) of the vertices of a rank's mesh.
 
@@ -235,9 +243,7 @@ class Store:
         """
         own = self._owns(local.number)
         for _ in range(rings):
-            known = np.zeros(self.count, dtype=bool)
-            known[local.number[own] - self.first] = near[own]
-            before, _ = self.of_others(local.number, known)
+            before = self.as_owned(local, near)
             near = within_rings(rows, before, 1)
             if not any(self.comm.allgather(bool((near & ~before)[own].any()))):
                 break  # however many rings are asked for
