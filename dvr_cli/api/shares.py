@@ -23,6 +23,7 @@ from dvr_cli.api.smoothing import DONE, freer, has_nothing_to_gain, is_worse
 from dvr_cli.api.untangling import reference_quality, untangle_phase
 from dvr_cli.boundary.freedom import interior_freedom
 from dvr_cli.distributed.job import LEAD
+from dvr_cli.distributed.layers import Layers, NeedsAll, layers_among
 from dvr_cli.distributed.member import take_turns
 from dvr_cli.distributed.orientation import mirrored_of, of_cells
 from dvr_cli.distributed.ranks import on_all
@@ -37,15 +38,16 @@ from dvr_cli.distributed.sliding import sliding
 from dvr_cli.distributed.tangle import Tangle
 from dvr_cli.errors import DvrError, InputError, UsageError
 from dvr_cli.files.ranges import Ranges
+from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.domain import Domain, domain_of
+from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.mesh.orientation import are_alike, turned_cells
 from dvr_cli.mesh.ranks import distinct
 from dvr_cli.mesh.region_choice import NONE, Divider, RegionChoice
 from dvr_cli.quality.limits import HeldBy, Limit, limit_of
-from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities
+from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities, element_qualities
 from dvr_cli.quality.measure import Quality
-from dvr_cli.quality.sheets import Inside, make_a_sheet
-from dvr_cli.quality.stretching import REACH, any_seeds, inside_sheets_of
+from dvr_cli.quality.stretching import REACH, held_by
 from dvr_cli.relax.directions import direction_field, restrict_field
 from dvr_cli.relax.engines.choice import KINDS
 from dvr_cli.relax.phases import TANGLED
@@ -53,7 +55,6 @@ from dvr_cli.relax.sweeps import Sweep
 from dvr_cli.report.records import MeshSummary, ShapeUse, SmoothReport, summarise
 
 _DIRECTIONS = ("random", "x", "y", "z", "axis", "steepest", "narrowing", "optimal")
-_MANY = 100_000  # cells inside what may be sheets: so many are taken for layers without a further look
 
 
 class Work(NamedTuple):
@@ -190,7 +191,8 @@ class _Mine(NamedTuple):
 
     mirrored: (c,) bool, the cells stored inside out, None where their measures say so. regions: (kinds,) of
     the cells of each kind; dividers: what tells them apart. movable: (n,) bool, vertices that could move, and
-    masks: for each criterion those that it lets move, right for those of the rank.
+    masks: for each criterion those that it lets move, right for those of the rank. layers: what is kept, and
+    held: (n,) bool, the vertices that stay for its sake.
     """
 
     local: Local
@@ -203,6 +205,8 @@ class _Mine(NamedTuple):
     moves: Moves
     share: Share
     view: View
+    layers: Layers | None
+    held: np.ndarray
 
 
 def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None:
@@ -212,15 +216,12 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
         return None
     if work.once and not _agree(comm, not _has_repeated(store)):
         return None
-    looks, looked = work.options.shape == "auto", False
-    if looks and comm.size > 1:
-        layers = _has_layers(comm, store, backend)
-        if layers:
-            return None
-        looked = layers is not None
+    looks, looked, layers = work.options.shape == "auto", False, None
     try:
+        if looks and comm.size > 1:
+            looked, layers = _layers(comm, store, backend)
         regions, dividers = regions_of_kinds(comm, store, work.options.region_choice)
-    except UsageError:  # the leading rank will say so
+    except (NeedsAll, UsageError):  # the leading rank will say so
         return None
     local = store.local(store.cells, store.lower)
     oriented = _oriented(comm, store, local, regions, backend)
@@ -228,10 +229,22 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
         return None
     domain, mirrored, quality = oriented
     owned = store.owned(store.cells.cells)
-    if looks and comm.size == 1 and _sees_layers(comm, domain, local.cells, owned, quality):
-        return None  # it has all there is
-    if looks and comm.size > 1 and not looked and _has_layers(comm, store, backend, mirrored) is not False:
+    try:
+        if looks and comm.size == 1:  # it has all there is
+            layers = layers_among(comm, store, store.cells, local, domain, quality)
+        elif looks and not looked:
+            looked, layers = _layers(comm, store, backend, mirrored)
+            if not looked:
+                return None
+    except NeedsAll:
         return None
+    held = np.zeros(len(local.number), dtype=bool)
+    if layers is not None:
+        held = store.as_owned(local, held_by(domain, layers.kept, quality))
+        corners, all_held = _with_held(domain.corners, layers.kept, held)
+        if not _agree(comm, all_held):
+            return None  # some need a row in the table of targets
+        domain = replace(domain, corners=corners)
     del oriented, quality  # large, and needed no more
     moves = Moves(interior_freedom(domain.interior, domain.dimension), None)
     if work.options.boundary == "slide":
@@ -244,7 +257,7 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
     except UsageError:
         return None
     movable = moves.freedom.dimension > 0
-    selected = np.logical_and.reduce([np.ones(len(movable), dtype=bool), *masks.values()])
+    selected = np.logical_and.reduce([~held, *masks.values()])
     moves = replace(moves, freedom=moves.freedom.only(selected))
     share = share_of(comm, store, local, domain, moves.freedom)
     own = np.flatnonzero(share.own & share.relaxed)
@@ -253,7 +266,17 @@ def _prepared(comm: Any, store: Store, work: Work, backend: Any) -> _Mine | None
         return None
     domain = replace(domain, cell_ids=local.cells)
     view = View(domain, owned, share.relaxed, own, local.index[own])
-    return _Mine(local, domain, mirrored, regions, dividers, movable, masks, moves, share, view)
+    return _Mine(local, domain, mirrored, regions, dividers, movable, masks, moves, share, view, layers, held)
+
+
+def _with_held(corners: Corners, kept: np.ndarray, held: np.ndarray) -> tuple[Corners, bool]:
+    """The corners as ``with_targets`` makes them, and whether those of all kept cells are held.
+
+    kept: (c,) bool, of the cells; held: (n,) bool, the vertices that stay for their sake.
+    """
+    of_kept = np.repeat(kept, np.diff(corners.start))
+    of_held = of_kept & held[corners.vertices].all(axis=1)
+    return replace(corners, held=of_held if of_held.any() else None), bool((of_held == of_kept).all())
 
 
 def _has_repeated(store: Store) -> bool:
@@ -295,10 +318,12 @@ def _per_cell(regions: np.ndarray, local: Local) -> RegionChoice:
     return regions[local.kinds] if regions.any() else (NONE,)
 
 
-def _has_layers(comm: Any, store: Store, backend: Any, mirrored: np.ndarray | None = None) -> bool | None:
-    """True on all ranks if any has cells whose stretching is coherent: whether to keep them is not said.
+def _layers(
+    comm: Any, store: Store, backend: Any, mirrored: np.ndarray | None = None
+) -> tuple[bool, Layers | None]:
+    """False if it could not be found out what is kept; and that. mirrored: see ``_Mine``.
 
-    mirrored: see ``_Mine``. None on all where that has to be known.
+    It cannot where cells are not positive and ``mirrored`` is not given. Raises NeedsAll, on all ranks.
     """
     cells = store.within(REACH)
     none = CellRows(*(column[:0] for column in store.lower))
@@ -306,31 +331,11 @@ def _has_layers(comm: Any, store: Store, backend: Any, mirrored: np.ndarray | No
     turned = None if mirrored is None else of_cells(store, mirrored, cells)
     domain = domain_of(local.mesh, backend=backend, mirrored=turned)
     if not _agree(comm, not len(domain.repeated)):
-        return True
+        raise NeedsAll
     quality = corner_qualities(domain.points, domain.corners, backend)
     if mirrored is None and not _agree(comm, bool((quality > DEGENERATE).all())):
-        return None
-    return _sees_layers(comm, domain, local.cells, store.owned(cells.cells), quality)
-
-
-def _sees_layers(comm: Any, domain: Domain, ids: np.ndarray, among: np.ndarray, quality: np.ndarray) -> bool:
-    """True on all ranks if any has seeds of layers among its own cells, or if these make a sheet together.
-
-    ids: (n,) of the domain's cells in the whole. among: (n,) bool, the rank's own. quality: (C,) of the
-    corners.
-    """
-    if not _agree(comm, not any_seeds(domain, among, quality)):
-        return True
-    found = inside_sheets_of(domain, quality)
-    mine = None
-    if found is not None:
-        own = among[found.cells]
-        pairs = found.pairs[among[found.pairs].any(axis=1)]
-        mine = Inside(ids[found.cells[own]], found.weight[own], ids[pairs])
-    if comm.allreduce(0 if mine is None else len(mine.cells)) > _MANY:
-        return True
-    parts = [part for part in comm.allgather(mine) if part is not None]
-    return bool(parts) and make_a_sheet(parts)
+        return False, None
+    return True, layers_among(comm, store, cells, local, domain, quality)
 
 
 def _smoothed(
@@ -374,19 +379,28 @@ def _smoothed(
     seconds = time.perf_counter() - start
     if is_worse(after, reference) or (options.keeps_altitude and lowers_altitude(after, reference)):
         return None, points
+    again = options.stopping.target is None and not run.stopped_because.cuts_short
+    if again and _fell_away_from_layers(comm, store, mine, points, before):
+        return None, points  # it is to be made with weights
     left = dict.fromkeys(TANGLED, 0)
     if after.inverted + after.degenerate:
         left = _tangle(store, mine).left(run.points)
     if run.untangling is not None:
         run.phases.insert(0, untangle_phase(run.untangling, left))
     unmoved = _agree(comm, np.array_equal(points, local.mesh.points))
+    plain = None
+    if mine.layers is not None:
+        ideal = replace(view, domain=replace(domain, corners=replace(domain.corners, held=None)))
+        both = (quality_of(comm, ideal, some, work.vector) for some in (local.mesh.points, points))
+        plain = next(both), next(both)
     limited_by = None
     ended = run.stopped_because in DONE or after.is_capped
     if ended and not has_nothing_to_gain(after, unmoved):
         mends = left["elements"] > left["hopeless"] and not untangling
         limited_by = _limit(comm, store, mine, points, after, options, mends)
     report = SmoothReport(
-        shape=ShapeUse(options.shape_mode, 0, 1.0),
+        shape=ShapeUse(options.shape_mode, *((0, 1.0) if mine.layers is None else mine.layers[1:])),
+        plain=plain,
         mesh=_summary(comm, store, mine, work.counts),
         relaxed=comm.allreduce(len(view.own)),
         before=before,
@@ -403,6 +417,25 @@ def _smoothed(
         options=options.record() | {"untangle": untangling},
     )
     return report, points
+
+
+def _fell_away_from_layers(comm: Any, store: Store, mine: _Mine, points: np.ndarray, before: Quality) -> bool:
+    """True if a cell away from layers has become worse than the worst of them was, see ``weights_needed``."""
+    local, domain = mine.local, mine.domain
+    if mine.layers is None or (before.q1 or 0.0) <= 0.0:
+        return False
+    rows = [block.vertices for block in domain.cells]
+    both = local.mesh.points, points
+    old, new = (element_qualities(domain.flatten(some), domain.corners) for some in both)
+    near = np.zeros(len(local.number), dtype=bool)
+    near[domain.corners.vertices[np.repeat(mine.layers.kept, np.diff(domain.corners.start))]] = True
+    fell = False
+    for rings in range(2):
+        near = store.as_owned(local, within_rings(rows, near, rings))
+        away = mine.view.cells & np.concatenate([~near[block].any(axis=1) for block in rows])
+        least = min(comm.allgather(float(old[away].min(initial=np.inf))))
+        fell |= any(comm.allgather(bool((new[away] < least).any())))
+    return fell
 
 
 def _tangle(store: Store, mine: _Mine) -> Tangle:
@@ -467,7 +500,8 @@ def _limit(
     near = store.local(cells, store.lower_around(named))
     mirrored = None if mine.mirrored is None else of_cells(store, mine.mirrored, cells)
     d = points.shape[1]
-    flags = np.stack([domain.interior, share.relaxed, mine.movable, *mine.masks.values()], axis=1)
+    flags = np.stack([domain.interior, share.relaxed, mine.movable, mine.held, *mine.masks.values()], axis=1)
+    kept = None if mine.layers is None else of_cells(store, mine.layers.kept, cells)
     rows = np.zeros((store.count, d + flags.shape[1]))
     rows[:, :d] = store.points
     rows[local.number[share.own] - store.first] = np.hstack([points, flags])[share.own]
@@ -477,17 +511,19 @@ def _limit(
     # two vertices more, of no cell, so that the mesh is as large as the whole
     corners = np.stack([store.low, store.high])
     small = replace(near.mesh, points=np.concatenate([near.mesh.points, corners]))
-    interior, relaxed, movable, *masks = np.pad(around[:, d:].T > 0.0, ((0, 0), (0, 2)))
-    free = np.logical_and.reduce([np.ones(len(small.points), dtype=bool), *masks])
+    interior, relaxed, movable, held, *masks = np.pad(around[:, d:].T > 0.0, ((0, 0), (0, 2)))
+    free = np.logical_and.reduce([~held, *masks])
     of_small = domain_of(small, regions=_per_cell(mine.regions, near), mirrored=mirrored)
     of_small = replace(of_small, interior=interior, cell_ids=near.cells)
-    kept = {name: movable & ~mask for name, mask in zip(mine.masks, masks, strict=True)}
+    if kept is not None:
+        of_small = replace(of_small, corners=_with_held(of_small.corners, kept, held)[0])
+    not_chosen = {name: movable & ~mask for name, mask in zip(mine.masks, masks, strict=True)}
     return limit_of(
         of_small,
         np.concatenate([around[:, :d], corners]),
         np.flatnonzero(relaxed),
         after,
-        HeldBy(kept, freer(small, of_small, options.boundary, free, options.feature_angle)),
+        HeldBy(not_chosen, freer(small, of_small, options.boundary, free, options.feature_angle)),
         mends,
         names=np.append(near.index, (-1, -1)),
     )

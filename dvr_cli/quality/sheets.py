@@ -53,12 +53,13 @@ class Inside(NamedTuple):
     """The cells that lie inside sheets, if there are enough that hang together.
 
     cells: (m,) their numbers. weight: (m,) the part of a sheet that each is. pairs: (k, 2) those that hang
-    together.
+    together. alike: (j, 2) all cells, inside or not, that share a facet and are stretched alike.
     """
 
     cells: np.ndarray
     weight: np.ndarray
     pairs: np.ndarray
+    alike: np.ndarray
 
 
 def inside_sheets(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray) -> Inside:
@@ -68,16 +69,17 @@ def inside_sheets(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray)
     inside = _half_of_facets(blocks, one, other)
     both = inside[one] & inside[other]
     pairs = np.stack([which[one[both]], which[other[both]]], axis=1)
-    return Inside(which[inside], _weight(blocks)[inside], pairs)
+    return Inside(which[inside], _weight(blocks)[inside], pairs, np.stack([which[one], which[other]], axis=1))
 
 
-def make_a_sheet(parts: list[Inside]) -> bool:
-    """True if enough cells hang together, each cell being in one of the parts, and each pair in any."""
-    cells, weight, pairs = (np.concatenate(column) for column in zip(*parts, strict=True))
+def cells_of_sheets(parts: list[Inside]) -> np.ndarray:
+    """The cells of which enough hang together, each cell being in one of the parts, and each pair in any."""
+    columns = zip(*(part[:3] for part in parts), strict=True)
+    cells, weight, pairs = (np.concatenate(column) for column in columns)
     order = np.argsort(cells)
     one, other = np.searchsorted(cells[order], pairs.T)
     part = connected_parts(len(cells), one, other)
-    return bool((np.bincount(part, weight[order], 1) >= 1.0).any())
+    return cells[order][(np.bincount(part, weight[order], 1) >= 1.0)[part]]
 
 
 def _alike(blocks: list[Cells], rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

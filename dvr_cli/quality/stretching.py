@@ -11,7 +11,7 @@ an aspect of GROWN.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -44,9 +44,8 @@ def coherent(domain: Domain, quality: np.ndarray | None = None) -> Targets | Non
     """
     if domain.is_surface:  # what is compiled here is for planar and volume meshes
         domain = replace(domain, backend=NUMPY)
-    corners, points = domain.corners, domain.points
     if quality is None:
-        quality = corner_qualities(points, corners, domain.backend)
+        quality = corner_qualities(domain.points, domain.corners, domain.backend)
     positive, possible = _shaped(domain, quality)
     if not possible.any():
         return None
@@ -56,25 +55,56 @@ def coherent(domain: Domain, quality: np.ndarray | None = None) -> Targets | Non
     if not len(seeds) and not sheets.any():
         return None
     seeds = np.concatenate([seeds, np.flatnonzero(sheets)])
-    stretching = cells.from_corners(_stretching(points, corners, positive))
-    log_aspect = _log_aspect(cells.averaged(cells.averaged(stretching)))
-    spread = cells.grown(seeds, log_aspect >= np.log(GROWN))
-    kept = spread & positive & (np.minimum(log_aspect, _log_aspect(stretching)) >= np.log(KEPT)) | sheets
+    aspects = aspects_of(domain, quality)
+    kept = cells.grown(seeds, aspects.spreads) & aspects.lasting | sheets
     if not kept.any():
         return None
-    held = cells.with_vertices(kept) & ~cells.with_vertices(~positive)
-    return Targets(kept, held, float(np.exp(_log_aspect(stretching[kept]).max())))
+    held = held_by(domain, kept, quality)
+    return Targets(kept, held, float(np.exp(aspects.log_aspect[kept].max())))
 
 
-def any_seeds(domain: Domain, among: np.ndarray, quality: np.ndarray) -> bool:
-    """True if any of the cells marked in ``among`` ((n,) bool) is a seed of what is kept.
+class Aspects(NamedTuple):
+    """The stretching of cells: (n,) ln of their own aspect.
+
+    spreads: (n,) bool, those through which what is kept spreads, and lasting: those that are kept if it
+    reaches them.
+    """
+
+    log_aspect: np.ndarray
+    spreads: np.ndarray
+    lasting: np.ndarray
+
+
+def aspects_of(domain: Domain, quality: np.ndarray) -> Aspects:
+    """The aspects of the cells of a domain; they depend on cells within two steps.
+
+    quality: (C,) of its corners.
+    """
+    cells, (positive, _) = _Cells(domain), _shaped(domain, quality)
+    stretching = cells.from_corners(_stretching(domain.points, domain.corners, positive))
+    averaged, own = _log_aspect(cells.averaged(cells.averaged(stretching))), _log_aspect(stretching)
+    lasting = positive & (np.minimum(averaged, own) >= np.log(KEPT))
+    return Aspects(own, averaged >= np.log(GROWN), lasting)
+
+
+def held_by(domain: Domain, kept: np.ndarray, quality: np.ndarray) -> np.ndarray:
+    """(N,) bool: the vertices that stay for the sake of the ``kept`` cells ((n,) bool).
+
+    quality: (C,) of the corners.
+    """
+    cells, (positive, _) = _Cells(domain), _shaped(domain, quality)
+    return cells.with_vertices(kept) & ~cells.with_vertices(~positive)
+
+
+def seeds_among(domain: Domain, among: np.ndarray, quality: np.ndarray) -> np.ndarray:
+    """The seeds of what is kept, by number, of the cells marked in ``among`` ((n,) bool).
 
     domain: these, and all that can be reached from them in REACH steps between cells with a common vertex.
     quality: (C,) of its corners. Without a seed and a sheet (see ``inside_sheets_of``) in the whole mesh
     nothing is kept.
     """
     positive, possible = _shaped(domain, quality)
-    return len(_seeds(domain, _Cells(domain), quality, positive, possible, among)) > 0
+    return _seeds(domain, _Cells(domain), quality, positive, possible, among)
 
 
 def inside_sheets_of(domain: Domain, quality: np.ndarray) -> Inside | None:

@@ -50,6 +50,12 @@ RUNS = (
     ("hexahedron inside-out", "-n 3 --no-patches"),
     ("mixed3d both-ways", "-d random -n 30 --tol 1e-3"),
     ("quad inside-out", "-d random -n 3"),
+    ("quad layered", "-n 3"),
+    ("hexahedron layered", "-n 2 --boundary slide"),
+    ("tetra layered both-ways", "-d random -n 3"),
+    ("triangle layered", "-n 2"),
+    ("quad layered tangled both-ways", "-n 2 --boundary slide"),
+    ("hexahedron layered sheet", "-d random -n 30 --tol 1e-3 --patches"),
     ("tetra tangled", "-n 2"),
     ("triangle tangled", "-n 2 --patches"),
     ("hexahedron tangled inside-out", "-n 2"),
@@ -113,6 +119,8 @@ def write(folder, name):
         mesh = random_mesh(kind, 1, n=4, noise=0.25)
         if "tangled" in how:
             mesh = tangled(kind, 5, 0.7, 1)
+        if "layered" in how:
+            mesh = layered(kind, "sheet" in how, 0.9 if "tangled" in how else 0.25)
         if "crossing" in how:  # of the boundary, a vertex of which is on the other side
             mesh.points[2] += [0.1, 1.0, 0.1][: mesh.points.shape[1]]
         if "hopeless" in how:
@@ -141,6 +149,22 @@ def write(folder, name):
     version = {"older": "vtk42"}.get(name, "vtk")
     meshio.Mesh(points, [("tetra", cells)]).write(path, file_format=version, binary=True)
     return path
+
+
+def layered(kind, sheet, noise):
+    """Boxes, flat ones in four rows near the floor or, higher up, in a single one, shaken above."""
+    mesh = boxes_of(kind, 8)
+    height = mesh.points[:, -1].copy()
+    rows = np.rint(height * 8).astype(int)
+    levels = np.array([0.0, 0.01, 0.02, 0.03, 0.04, 0.28, 0.52, 0.76, 1.0])
+    mesh.points[:, -1] = levels[rows]
+    inner = ((mesh.points > 1e-9) & (mesh.points < 1 - 1e-9)).all(axis=1) & (rows > 4)
+    shake = np.random.default_rng(1).uniform(-noise / 8, noise / 8, mesh.points.shape)
+    mesh.points[inner] += shake[inner]
+    if sheet:
+        levels[:5] = 0.0, 0.08, 0.16, 0.165, 0.24
+        mesh.points[rows < 5, -1] = levels[rows[rows < 5]]
+    return mesh
 
 
 def write_apart(folder, name):
@@ -193,7 +217,7 @@ def test_what_is_tangled_goes_to_one_rank_and_no_more(tmp_path, on_ranks):
 
 @pytest.mark.long
 def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
-    """A mesh with layers, one with a cell twice: a rank has them whole.
+    """A mesh with layers beside inverted cells, one with a cell twice: a rank has them whole.
 
     Of Gmsh's files one with a triangle twice, as for each of its groups.
     """
@@ -202,7 +226,8 @@ def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
     plain = random_mesh("tetra", 1, n=3, noise=0.1)
     twice = np.concatenate([plain.cells[0].vertices, plain.cells[0].vertices[:1]])
     meshes = {"layers": (flat, tall.cells[0].vertices)}
-    meshes |= {"twice": (plain.points, twice)}
+    both = layered("tetra", False, 0.6)  # cells are kept beside inverted ones
+    meshes |= {"both": (both.points, both.cells[0].vertices), "twice": (plain.points, twice)}
     commands = []
     for name, (points, cells) in meshes.items():
         meshio.Mesh(points, [("tetra", cells)]).write(tmp_path / f"{name}.vtk")
@@ -216,7 +241,7 @@ def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
     for name in "groups", "volumes", "parametric":
         commands.append(["smooth", str(tmp_path / f"{name}.msh"), f"{name}-out.msh", *commands[-1][3:]])
     done, ends = job(on_ranks, 3, tmp_path, [[*command, "--mpi"] for command in commands])
-    assert (done.stderr, ends) == ("", [0] * 5)
+    assert (done.stderr, ends) == ("", [0] * 6)
     (tmp_path / "alone").mkdir()
     assert in_one_process(tmp_path / "alone", commands) == ends
     for path in (tmp_path / "alone").iterdir():

@@ -13,7 +13,7 @@ from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.quality import sheets, stretching
 from dvr_cli.quality.sheets import orderly
-from dvr_cli.quality.stretching import any_seeds, coherent, inside_sheets_of
+from dvr_cli.quality.stretching import coherent, inside_sheets_of, seeds_among
 from dvr_cli.quality.targets import FORMED
 from meshes import KINDS, delaunay, random_mesh
 from needs import require
@@ -309,11 +309,12 @@ def test_parts_of_a_mesh_have_its_seeds():
         near = stretching._Cells(whole).around(part, stretching.REACH)
         among = np.isin(np.flatnonzero(near), part)
         of_part = domain_of(Mesh(whole.points, [Cells("tetra", rows[near])]))
-        found.append(any_seeds(of_part, among, _qualities(of_part)))
-        assert found[-1] == bool(np.isin(part, seeds).any())
+        of_this = seeds_among(of_part, among, _qualities(of_part))
+        found.append(len(of_this) > 0)
+        assert set(np.flatnonzero(near)[of_this]) == set(part) & set(seeds)
     assert 0 < sum(found) < len(found)
     flat = domain_of(delaunay(500, 3, 0, 0.05))
-    assert not any_seeds(flat, np.ones(len(flat.cell_ids), dtype=bool), _qualities(flat))
+    assert not len(seeds_among(flat, np.ones(len(flat.cell_ids), dtype=bool), _qualities(flat)))
 
 
 @pytest.mark.parametrize("kind", ["triangle", "quad", "hexahedron", "wedge"])
@@ -334,8 +335,8 @@ def test_parts_of_a_mesh_add_up_to_its_sheets(kind, sheet):
             own = np.isin(ids[found.cells], part)
             pairs = ids[found.pairs]
             pairs = pairs[np.isin(pairs, part).any(axis=1)]
-            parts.append(sheets.Inside(ids[found.cells[own]], found.weight[own], pairs))
-    assert (bool(parts) and sheets.make_a_sheet(parts)) == sheet
+            parts.append(sheets.Inside(ids[found.cells[own]], found.weight[own], pairs, pairs[:0]))
+    assert (bool(parts) and len(sheets.cells_of_sheets(parts)) > 0) == sheet
     assert (coherent(whole) is not None) == sheet
 
 
