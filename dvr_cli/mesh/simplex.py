@@ -105,6 +105,11 @@ def chunks(n: int) -> Iterator[slice]:
     return (slice(lo, lo + _CHUNK) for lo in range(0, n, _CHUNK))
 
 
+def places_of(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """(d+1, D, n) the coordinates of each vertex of each simplex; points: (N, D), vertices: (n, d+1)."""
+    return np.ascontiguousarray(points[vertices.T].transpose(0, 2, 1))
+
+
 def edges_and_determinant(
     points: np.ndarray, vertices: np.ndarray
 ) -> tuple[list[list[np.ndarray]], np.ndarray]:
@@ -113,9 +118,9 @@ def edges_and_determinant(
     points: (N, d), or (N, 3) for triangles in space, whose determinant is twice their area and has no sign.
     vertices: (n, d+1).
     """
-    own, *ends = ([points[:, i][vertex] for i in range(points.shape[1])] for vertex in vertices.T)
-    edges = [subtract(end, own) for end in ends]
+    own, *ends = places_of(points, vertices)
+    edges = [list(end - own) for end in ends]
     if len(edges) < points.shape[1]:
         area = cross(*edges)
         return edges, np.sqrt(dot(area, area))
-    return edges, dot(edges[0], opposite_normal(ends))
+    return edges, dot(edges[0], opposite_normal([list(end) for end in ends]))

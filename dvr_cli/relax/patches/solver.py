@@ -31,6 +31,7 @@ from dvr_cli.mesh.simplex import (
     cross,
     dot,
     edges_and_determinant,
+    places_of,
     through,
 )
 from dvr_cli.quality.altitudes import extremes
@@ -205,42 +206,40 @@ class PatchEnergy:
         heavy = np.flatnonzero(~(share < NEGLIGIBLE))
         weight = share[heavy] * f
         norm = self._norm[:, heavy]
-        edges, _ = edges_and_determinant(self.points, self._vertices[heavy])
-        d, components = len(edges), len(edges[0])
+        own, *ends = places_of(self.points, self._vertices[heavy])
+        edges = np.array([end - own for end in ends])
+        d, components = edges.shape[:2]
         if self._upward is not None:
             up = [part[heavy] for part in self._upward]
-            normals = [cross(edges[1], up), cross(up, edges[0])]
+            normals = np.array([cross(edges[1], up), cross(up, edges[0])])
         elif d == 2:
             e, h = edges
-            normals = [[h[1], -h[0]], [-e[1], e[0]]]
-        else:
-            normals = [cross(edges[(j + 1) % 3], edges[(j + 2) % 3]) for j in range(3)]
+            normals = np.array([[h[1], -h[0]], [-e[1], e[0]]])
+        else:  # e_1 × e_2, e_2 × e_0, e_0 × e_1, by component
+            after, last = (edges[order].swapaxes(0, 1) for order in ([1, 2, 0], [2, 0, 1]))
+            normals = np.stack(cross(list(after), list(last)), axis=1)
         v = dot(edges[0], normals[0])
         factor = None
         if self._factor is not None:
             factor = self._factor[:, heavy]
-            edges = [through(factor, edge) for edge in edges]
-        along = []  # ∂s/∂e_j
+            edges = np.array([through(factor, edge) for edge in edges])
+        along = np.empty_like(edges)  # ∂s/∂e_j
         for j in range(d):
-            row = [2.0 * norm[j] * edges[j][i] for i in range(components)]
+            along[j] = 2.0 * norm[j] * edges[j]
             for other, place in _PRODUCTS[d][j]:
-                row = [row[i] + norm[place] * edges[other][i] for i in range(components)]
-            along.append(row)
-        twice_s = dot(edges[0], along[0])
-        for j in range(1, d):
-            for i in range(components):
-                twice_s = twice_s + edges[j][i] * along[j][i]
+                along[j] += norm[place] * edges[other]
+        twice_s = np.add.accumulate((edges * along).reshape(d * components, -1))[-1]
         if factor is not None:
-            along = [back_through(factor, row) for row in along]
+            along = np.array([back_through(factor, row) for row in along])
         to_s, to_v = 2.0 * weight / twice_s, weight / v
         if d == 3:
             to_s, to_v = 3.0 * to_s, 2.0 * to_v
         slots, n = self._slots[heavy].ravel(), len(self.moving)
+        part = (to_s * along - to_v * normals).transpose(1, 2, 0)
+        both = np.stack([part, -part], axis=3)  # on the edge's end, and on the corner's vertex
         g = np.empty((n, components))
         for i in range(components):
-            part = np.stack([to_s * along[j][i] - to_v * normals[j][i] for j in range(d)], axis=1)
-            both = np.stack([part, -part], axis=2).ravel()  # on the edge's end, and on the corner's vertex
-            g[:, i] = np.bincount(slots, both, n + 1)[:n]
+            g[:, i] = np.bincount(slots, both[i].ravel(), n + 1)[:n]
         return self.inside(g)
 
     def inside(self, g: np.ndarray) -> np.ndarray:
