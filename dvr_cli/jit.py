@@ -24,12 +24,30 @@ from numba import config, njit, types
 from numba.core import cgutils
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler, CompileResult
+from numba.core.compiler import CompilerBase, CompileResult
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.compiler_machinery import PassManager
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import _nrt
 from numba.core.serialize import dumps
+from numba.core.typed_passes import (
+    IRLegalization,
+    NativeLowering,
+    NoPythonBackend,
+    NopythonRewrites,
+    NopythonTypeInference,
+    PreLowerStripPhis,
+)
+from numba.core.untyped_passes import (
+    DeadBranchPrune,
+    FixupArgs,
+    GenericRewrites,
+    IRProcessing,
+    ReconstructSSA,
+    RewriteSemanticConstants,
+    TranslateByteCode,
+)
 from numba.extending import intrinsic
 
 from dvr_cli.kept import last_change
@@ -302,6 +320,18 @@ class _Part(CPUDispatcher):
         raise TypeError(f"{self.py_func.__name__} is a part of kernels, which only these can call")
 
 
+class _KernelLibrary(JITCodeLibrary):
+    """The code of a kernel, which is optimised once.
+
+    numba does so twice, to remove counts of references that show after the first time: kernels have few, as
+    their arrays are ``bare``.
+    """
+
+    def _optimize_final_module(self) -> None:
+        passes, builder = self._codegen._module_pass_manager(slp_vectorize=False, cost="cheap")
+        passes.run(self._final_module, builder)
+
+
 class _PartLibrary(JITCodeLibrary):
     """The code of a part of kernels, which is optimised and made machine code in each of them, not here."""
 
@@ -358,12 +388,43 @@ def _is_known(function: Any, args: Sequence[Any]) -> bool:
 _SIMPLE = types.Number, types.Literal, types.Boolean, types.SliceType
 
 
-class _KernelCompiler(Compiler):
-    """numba's compiler, with a memory."""
+# What numba does to functions, but for closures, contexts, literals and its own inlining: kernels have none.
+_PASSES = (
+    TranslateByteCode,
+    FixupArgs,
+    IRProcessing,
+    RewriteSemanticConstants,
+    DeadBranchPrune,
+    GenericRewrites,
+    ReconstructSSA,
+    NopythonTypeInference,
+    PreLowerStripPhis,
+    NopythonRewrites,
+    IRLegalization,
+    NativeLowering,
+    NoPythonBackend,
+)
+
+
+class _KernelCompiler(CompilerBase):
+    """numba's compiler, with a memory, and without what no kernel needs."""
+
+    _library: type[JITCodeLibrary] = _KernelLibrary
 
     def __init__(self, *args: Any) -> None:
         _load_without_blas()
         super().__init__(*args)
+
+    def define_pipelines(self) -> list[PassManager]:
+        """The one way to compile a kernel."""
+        passes = PassManager("kernel")
+        for each in _PASSES:
+            passes.add_pass(each, each.name())
+        passes.finalize()
+        state = self.state
+        state.library = self._library(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        return [passes]
 
     def _compile_core(self) -> Any:
         with _remembering():
@@ -371,12 +432,13 @@ class _KernelCompiler(Compiler):
 
 
 class _PartCompiler(_KernelCompiler):
-    """numba's compiler, which ends where there is code for others to link; the rest takes as long again."""
+    """The compiler, which ends where there is code for others to link; the rest takes as long again."""
 
-    def define_pipelines(self) -> Any:
-        state = self.state
-        state.flags.no_compile = True
-        state.library = _PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+    _library = _PartLibrary
+
+    def define_pipelines(self) -> list[PassManager]:
+        """The way to compile a part, which makes no machine code."""
+        self.state.flags.no_compile = True
         return super().define_pipelines()
 
     def _compile_core(self) -> CompileResult:
