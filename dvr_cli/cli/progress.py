@@ -97,7 +97,10 @@ class Progress:
         return [*pieces, Piece(_clock(now - self._began), 1)]
 
     def _left(self, now: float, sweep: Sweep) -> str:
-        """The time left, as far as it is known: where the number of sweeps or their time is fixed."""
+        """The time left, as far as it is known: where the number of sweeps or their time is fixed.
+
+        Other runs end when nothing gains, after some tens of sweeps or some hundreds of rounds of patches.
+        """
         if self._known.sweeps is not None:
             each = (self._swept - self._sweeping) / sweep.sweep
             return f"{_clock((self._known.sweeps - sweep.sweep) * each - (now - self._swept))} left"
