@@ -7,6 +7,7 @@ Idle ranks spin, so only CPU seconds of a rank's own work count, never seconds.
 from __future__ import annotations
 
 import json
+import pickle
 import subprocess
 import sys
 import time
@@ -34,6 +35,8 @@ _BYTES = 24  # of a vertex
 # Assumed of a network: seconds until a message is there, with what mpi4py takes, and bytes a second.
 _LATENCY, _BANDWIDTH = 10e-6, 5e9
 _TETRAHEDRA = 10**9
+_SAMPLES = 256  # that each rank names where ranks put rows in one order
+_ROUND_SHARE = 3e-4 / 8  # patches of a round, as a part of the corners
 _RANDOM, _DEFAULT = ("-d", "random"), ("--patches",)  # runs, of two sweeps and rounds of each phase
 _WITH_LEAD = (*_RANDOM, "--fail-above", "max-angle=180")  # what keeps a rank from having a share alone
 
@@ -82,6 +85,19 @@ def run(quick: bool) -> None:
         f"message, {_BANDWIDTH / 1e9:.0f} GB/s",
         ["ranks", "tetrahedra a rank", "ghosts / owned", "efficiency of sweeps"],
         [model(ranks, counts[-1], update) for ranks in (64, 1_000, 10_000)],
+    )
+
+    alone, several = (_rounds(ranks, sizes[-1]) for ranks in (1, 8))
+    header = ["ranks", "rounds", "patches of the busiest / mean", "collective calls a round"]
+    header += ["alltoalls a round", "kB a patch", "ms of CPU a patch, solved alone"]
+    rows = [[ranks, *_of_rounds(each)] for ranks, each in ((1, alone), (8, several))]
+    print_table(f"Rounds of patches of {sizes[-1]} vertices, counted", header, rows)
+    header = ["ranks", "patches a rank and round", "busiest / mean", "its seconds", "seconds of calls"]
+    header += ["efficiency of a round"]
+    print_table(
+        f"Model: a round of patches of {_TETRAHEDRA:.0e} tetrahedra",
+        header,
+        [patches_model(ranks, alone, several) for ranks in (64, 1_000, 10_000)],
     )
 
 
@@ -164,7 +180,69 @@ def model(ranks: int, counted: Counts, update: float) -> list[object]:
     return [ranks, round(_TETRAHEDRA / ranks), counted.ghosts * surface / owned, float(efficiency)]
 
 
+def patches_model(ranks: int, alone: list[dict[str, float]], several: list[dict[str, float]]) -> list[object]:
+    """Ranks, patches a rank, and what a round takes, from rounds on one rank and on several.
+
+    Seeds lie on any rank alike, so the busiest has what is to be expected of the largest of so many Poisson
+    variables. A call takes a part from each rank, mostly none or a number, of which making and reading is
+    measured, and waits for one message in log2(ranks) steps; parts that arrive while others are made cost
+    nothing more. Ranks sort what all name to cut a list into parts.
+    """
+    mean = _ROUND_SHARE * _TETRAHEDRA / ranks
+    busiest = _largest_poisson(mean, ranks)
+    own = alone[0]["all"] / alone[0]["patches"]
+    part = _fastest(lambda: [pickle.loads(pickle.dumps(None)) for _ in range(100)]) / 100
+    number = (several[0]["to all"] + several[0]["small"]) / several[0]["rounds"]
+    calls = number * (ranks * part + np.ceil(np.log2(ranks)) * _LATENCY)
+    samples = np.random.default_rng(0).random(_SAMPLES * ranks)
+    calls += _fastest(lambda: np.sort(samples), 3) + samples.nbytes / _BANDWIDTH
+    sent = sum(rank["bytes"] for rank in several) / sum(rank.get("patches", 0) for rank in several)
+    calls += busiest * sent / _BANDWIDTH
+    seconds = busiest * own
+    return [ranks, mean, busiest / mean, seconds, float(calls), float(mean * own / (seconds + calls))]
+
+
+def _largest_poisson(mean: float, n: int) -> int:
+    """The least k that n Poisson variables all stay within as often as not."""
+    k, term, below = 0, np.exp(-mean), 0.0
+    if mean > 500.0:  # there exp(-mean) is no number; a normal variable is close enough
+        return round(mean + np.sqrt(2.0 * np.log(n) * mean))
+    while (below := below + term) < 0.5 ** (1.0 / n):
+        k += 1
+        term *= mean / k
+    return k
+
+
+def _fastest(work: Callable[[], object], times: int = 1000) -> float:
+    """CPU seconds of the quickest of some calls."""
+    seconds = []
+    for _ in range(times):
+        begin = time.process_time_ns()
+        work()
+        seconds.append(time.process_time_ns() - begin)
+    return min(seconds) / 1e9
+
+
 # ---------------------------------------------------------------------------------- jobs
+
+
+def _rounds(ranks: int, n: int) -> list[dict[str, float]]:
+    """What each rank says of its rounds of patches."""
+    return _said(ranks, [Path(__file__).with_name("distributed_patches.py"), fastest(), _as_vtk(n)])
+
+
+def _of_rounds(each: list[dict[str, float]]) -> list[object]:
+    """Rounds, busiest over mean, calls and alltoalls a round, kB and ms a patch, ms solved."""
+    patches = [rank.get("patches", 0.0) for rank in each]
+    rounds, total = each[0]["rounds"], sum(patches)
+    return [
+        round(rounds),
+        max(patches) * len(patches) / total,
+        round(each[0]["small"] / rounds),
+        round(each[0]["to all"] / rounds),
+        sum(rank["bytes"] for rank in each) / total / 1e3,
+        sum(rank.get("solving", 0.0) for rank in each) / total * 1e3,
+    ]
 
 
 def _job(ranks: int, what: str, n: int) -> list[dict[str, float]]:

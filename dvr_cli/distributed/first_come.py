@@ -14,13 +14,14 @@ from dvr_cli.distributed.rows import sent
 from dvr_cli.mesh.ranks import distinct
 
 _NEVER = np.iinfo(np.int64).max
+_RANK = 40  # bits below a rank in a number that stands for it and a place
 
 
 class Wish(NamedTuple):
     """A wish.
 
-    place: its turn, of which no other wish of any rank has the same. things: (k,) their numbers, and homes:
-    (k,) the ranks where they are at home.
+    place: its turn, below 2**40, of which no other wish of any rank has the same. things: (k,) their numbers,
+    and homes: (k,) the ranks where they are at home.
     """
 
     place: int
@@ -59,7 +60,7 @@ class _Homes:
         place = np.repeat(place, [len(wish.things) for wish in wishes])
         to = np.concatenate([none, *(wish.homes for wish in wishes)])
         things = np.concatenate([none, *(wish.things for wish in wishes)])
-        self._asked = np.unique(np.stack([to, place], axis=1), axis=0)
+        self._asked = _pairs(to, place)
         rank = np.full(len(to), comm.rank, dtype=np.int32)
         things, place, rank = sent(comm, to, things, place, rank)
         order = np.lexsort((place, things))
@@ -91,12 +92,18 @@ class _Homes:
 
     def _told(self, which: np.ndarray) -> np.ndarray:
         """Tell the ranks of wishes that they are among ``which``; what is told this one, each once."""
-        pairs = np.unique(np.stack([self._rank[which], self._place[which]], axis=1), axis=0)
-        (places,) = sent(self._comm, *pairs.T)
+        (places,) = sent(self._comm, *_pairs(self._rank[which], self._place[which]))
         return distinct(places)
 
     def _heard(self, places: np.ndarray) -> np.ndarray:
         """Tell the homes of what wishes are for; what is told this one."""
-        asked = self._asked[np.isin(self._asked[:, 1], places)]
-        (heard,) = sent(self._comm, *asked.T)
+        homes, asked = self._asked
+        which = np.isin(asked, places)
+        (heard,) = sent(self._comm, homes[which], asked[which])
         return heard
+
+
+def _pairs(ranks: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The ranks and places of (n,) each that differ, by rank; as one number, as rows are slow to sort."""
+    pairs = distinct(ranks.astype(np.int64) << _RANK | places)
+    return pairs >> _RANK, pairs & (1 << _RANK) - 1

@@ -21,7 +21,10 @@ def owner_of(numbers: np.ndarray, bounds: np.ndarray) -> np.ndarray:
 
 
 def swapped(comm: Any, parts: list[Any]) -> list[Any]:
-    """The part that each rank has for this one; parts: what this one has for each. Its own stays as it is."""
+    """The part that each rank has for this one; parts: what this one has for each. Its own stays as it is.
+
+    Where a rank has nothing for another None is quicker to send than anything else.
+    """
     own = parts[comm.rank]
     arrived: list[Any] = comm.alltoall([*parts[: comm.rank], None, *parts[comm.rank + 1 :]])
     arrived[comm.rank] = own
@@ -35,9 +38,20 @@ def sent(comm: Any, to: np.ndarray, *columns: np.ndarray) -> list[np.ndarray]:
     """
     order = np.argsort(to, kind="stable")
     cuts = np.searchsorted(to[order], np.arange(1, comm.size))
-    parts = [np.split(column[order], cuts) for column in columns]
-    arrived = swapped(comm, [tuple(part[rank] for part in parts) for rank in range(comm.size)])
+    arrived = _swapped_rows(comm, order, cuts, columns)
     return [np.concatenate(column) for column in zip(*arrived, strict=True)]
+
+
+def _swapped_rows(
+    comm: Any, order: np.ndarray, cuts: np.ndarray, columns: tuple[np.ndarray, ...]
+) -> list[tuple[np.ndarray, ...]]:
+    """The rows of some arrays that each rank has for this one.
+
+    order: the rows of this rank, those for one after those for another, which begin at ``cuts`` (ranks - 1,).
+    """
+    parts = zip(*(np.split(column[order], cuts) for column in columns), strict=True)
+    nothing = tuple(column[:0] for column in columns)
+    return [part or nothing for part in swapped(comm, [part if len(part[0]) else None for part in parts])]
 
 
 def asked(
@@ -48,8 +62,13 @@ def asked(
     of: (n,) the rank that is asked for each. answer: gives the rows for what this rank is asked.
     """
     order = np.argsort(of, kind="stable")
-    questions = swapped(comm, np.split(keys[order], np.searchsorted(of[order], np.arange(1, comm.size))))
-    answers = np.concatenate(swapped(comm, [answer(question) for question in questions]))
+    cuts = np.searchsorted(of[order], np.arange(1, comm.size))
+    questions = [question for (question,) in _swapped_rows(comm, order, cuts, (keys,))]
+    each = [
+        answer(question) if len(question) or rank == comm.rank else None
+        for rank, question in enumerate(questions)
+    ]
+    answers = np.concatenate([rows for rows in swapped(comm, each) if rows is not None])
     rows = np.empty_like(answers)
     rows[order] = answers
     return rows, questions
@@ -69,8 +88,7 @@ def places(comm: Any, *columns: np.ndarray) -> np.ndarray:
     to = np.searchsorted(cuts, columns[0], side="right")
     there = np.argsort(to, kind="stable")
     ends = np.searchsorted(to[there], np.arange(1, comm.size))
-    parts = [np.split(column[there], ends) for column in columns]
-    arrived = swapped(comm, [tuple(part[rank] for part in parts) for rank in range(comm.size)])
+    arrived = _swapped_rows(comm, there, ends, columns)
     rows = [np.concatenate(column) for column in zip(*arrived, strict=True)]
     order = np.lexsort(rows[::-1])
     new = np.zeros(len(order), dtype=bool)
@@ -81,5 +99,6 @@ def places(comm: Any, *columns: np.ndarray) -> np.ndarray:
     place[order] = sum(comm.allgather(int(new.sum()))[: comm.rank]) + np.cumsum(new) - 1
     counts = np.cumsum([len(part[0]) for part in arrived])
     result = np.empty(len(there), dtype=np.int64)
-    result[there] = np.concatenate(swapped(comm, np.split(place, counts[:-1])))
+    own = [part if len(part) else None for part in np.split(place, counts[:-1])]
+    result[there] = np.concatenate([place[:0], *(part for part in swapped(comm, own) if part is not None)])
     return result

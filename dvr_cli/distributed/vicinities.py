@@ -142,7 +142,7 @@ class Vicinities:
             wanted = wanted[~np.isin(wanted, done)]
             done = np.concatenate([done, wanted])
             rows = self._asked(wanted)
-            new = np.concatenate([each.number[each.colour >= 0] for each in rows])
+            new = np.concatenate([done[:0], *(each.number[each.colour >= 0] for each in rows)])
             found += rows
         return self._vicinity(found)
 
@@ -182,8 +182,9 @@ class Vicinities:
         """The corners with any of these relaxed vertices ((k,) by number, ascending), from their owners."""
         comm = self._comm
         cuts = np.searchsorted(numbers, self._share.bounds[1:-1])
-        questions = swapped(comm, np.split(numbers, cuts))
-        return swapped(comm, [self._with(some) for some in questions])
+        own = [part if len(part) else None for part in np.split(numbers, cuts)]
+        answers = [None if some is None else self._with(some) for some in swapped(comm, own)]
+        return [rows for rows in swapped(comm, answers) if rows is not None]
 
     def _with(self, numbers: np.ndarray) -> _Rows:
         """The corners with any of some relaxed vertices that this rank owns."""
