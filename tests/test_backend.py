@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from dvr_cli.backend import COMPILED, NUMPY
-from dvr_cli.mesh import csr, facets, interior, repeated, rings, simplex
+from dvr_cli.boundary import gaps
+from dvr_cli.mesh import csr, facets, interior, orientation, repeated, rings, simplex
 from dvr_cli.quality import altitudes, angles, mean_ratio, vector
 from dvr_cli.relax import altitudes as altitude_rule
 from dvr_cli.relax import problem, ring_qualities, schedule
@@ -17,6 +18,7 @@ from needs import require
 
 TWINS = (
     *(csr.group, facets.facet_order, interior.cancel_facets, interior.cancel_facets_of_simplices),
+    *(gaps.least_gaps, orientation.connected_parts),
     *(repeated.summed, rings.incidence, rings.rings, simplex.determinants),
     *(altitudes.extremes, angles.with_extreme_cosines, angles.with_extreme_turns),
     angles.tetrahedra_with_extreme_cosines,
@@ -60,6 +62,27 @@ def test_triangles_in_space_get_the_same_bits_of_twins():
         least = backend.twin(altitudes.extremes)(points, corners)
         found.append((v.tobytes(), s.tobytes(), least))
     assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("edges", [0, 30, 200])
+def test_connected_parts_are_named_alike_by_twins(edges):
+    require("numba")
+    tail, head = np.random.default_rng(edges).integers(0, 200, (2, edges))
+    found = COMPILED.twin(orientation.connected_parts)(200, tail, head)
+    assert found.tolist() == orientation.connected_parts(200, tail, head).tolist()
+
+
+def test_gaps_of_twins_agree_to_the_bit():
+    require("numba")
+    generator = np.random.default_rng(5)
+    corners, points = generator.random((60, 3, 3)), generator.random((200, 3))
+    corners[:3, 2] = corners[:3, 1]  # seen edge on
+    of, part = generator.integers(0, 3, 60), generator.integers(0, 4, 200)  # the last part has no triangles
+    frame = gaps.frames(np.eye(3)[[0, 1, 2, 2]])
+    plain, compiled = (gaps.gaps(points, part, corners, of, frame, backend) for backend in (NUMPY, COMPILED))
+    assert compiled.tobytes() == plain.tobytes()
+    assert np.isfinite(plain).any()
+    assert np.isinf(plain[part == 3]).all()
 
 
 @pytest.mark.parametrize("width", [2, 3, 4])

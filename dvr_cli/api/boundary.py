@@ -167,16 +167,16 @@ def bound_of(domain: Domain, max_deviation: float | None) -> float:
     return _USUAL_DEVIATION * float(np.linalg.norm(np.ptp(domain.points[used], axis=0)))
 
 
-def change_of(domain: Domain, points: np.ndarray, deviation: float, bound: float) -> BoundaryChange:
+def change_of(domain: Domain, points: np.ndarray, bound: float) -> BoundaryChange:
     """The change of the boundary of a domain at the coordinates ``points`` (N, d).
 
-    deviation: how far it is from the input's, and bound: how far it may be.
+    bound: how far it may be from the input's; how far it is remains to be measured.
     """
     from dvr_cli.boundary.extent import extents
 
     (volume, area), (new_volume, new_area) = extents(domain, domain.points, points)
     return BoundaryChange(
-        deviation=deviation,
+        deviation=0.0,
         max_deviation=bound,
         volume_change=None if not volume or new_volume is None else new_volume / volume - 1.0,
         area_change=new_area / area - 1.0 if area else None,

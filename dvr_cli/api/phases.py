@@ -255,8 +255,9 @@ class Run:
 
     def keeps(self, bound: float) -> bool:
         """Measure how far the boundary has come from the input's; whether that is within the bound."""
+        change = beside(self.threads, partial(change_of, self._domain, self.points, bound))
         deviation = self._engine.deviation()
-        self.boundary = change_of(self._domain, self.points, deviation, bound)
+        self.boundary = replace(change(), deviation=deviation)
         return deviation <= bound
 
     def undo(self, bound: float) -> None:
@@ -266,7 +267,7 @@ class Run:
         self.points, self.stopped_because = self._start, StopReason.DEVIATION
         as_given = np.array_equal(self._start, self._domain.points)  # nothing was unfolded
         deviation = 0.0 if as_given else self._engine.deviation()
-        self.boundary = change_of(self._domain, self.points, deviation, bound)
+        self.boundary = replace(change_of(self._domain, self.points, bound), deviation=deviation)
 
     def _enter(self, name: str, outcome: Relaxation) -> None:
         """Take over the result of a phase, and record it."""

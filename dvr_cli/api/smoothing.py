@@ -12,7 +12,7 @@ import numpy as np
 
 from dvr_cli.api.altitudes import Rounding, lowers_altitude, rounding_of
 from dvr_cli.api.away_from_layers import weighted
-from dvr_cli.api.boundary import bound_of, held_by_shape, moves_of
+from dvr_cli.api.boundary import Moves, bound_of, held_by_shape, moves_of
 from dvr_cli.api.options import BOUNDARIES, BOUNDARY_KEEPS, SmoothOptions
 from dvr_cli.api.phases import Run
 from dvr_cli.api.shapes import shaped
@@ -137,13 +137,16 @@ def _smoothed(
     start_points = moves.start(domain.points)
     parts = options.order, options.seed, kind.backend, moves.within, moves.parts
     corners = domain.corners if attempt.weight is None else weighted(domain.corners, attempt.weight)
+    across = beside(threads, partial(_across, start_points, moves, _SHARES[0] * bound))
     problem = build_problem(corners, relaxed, start_points, *parts)
     rounding = rounding_of(domain, mesh.points, relaxed, storage) if options.keeps_altitude else 0.0
     before = known()
+    problem = problem.keeping_within(_SHARES[0] * bound, across())
     untangling = untangles(options, domain, before)
     mean: dict[int, float] = {}
     for share in _SHARES if moves.parts is not None else _SHARES[:1]:
-        problem = problem.keeping_within(share * bound)
+        if share < _SHARES[0]:
+            problem = problem.keeping_within(share * bound)
         engine = (make or EngineKind.make)(kind, problem, options.threads)
         hook = _record_means(mean, engine, domain, on_sweep) if means else on_sweep
         run = Run(domain, moves, engine, options, hook, interrupted, rounding, attempt.spent)
@@ -237,6 +240,15 @@ def _smoothed(
     for sweep in report.sweeps if means else []:
         sweep["elements_mean"] = mean[sweep["sweep"]]
     return points, report
+
+
+def _across(points: np.ndarray, moves: Moves, limit: float) -> np.ndarray | None:
+    """See ``carriers.across_of``; None where nobody walks."""
+    if moves.parts is None:
+        return None
+    from dvr_cli.relax.surface.carriers import across_of  # only where vertices walk
+
+    return across_of(points, moves.parts, limit)
 
 
 def _result(

@@ -21,7 +21,6 @@ from dvr_cli.boundary.constraints import EXACT, Constraints, edges_of
 from dvr_cli.boundary.freedom import Freedom, unit
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.facets import numbered
-from dvr_cli.mesh.ranks import distinct
 
 _FLAT = 1e-6  # radians; a ridge less sharp than this is none, but its vertices are not in one plane either
 
@@ -71,9 +70,7 @@ def features_of(
             bound = np.fmin(2.0 * constraints.rounding / shortest[vertex], EXACT)
     smooth = (turn <= bound) & ~constraints.fixed[vertex]
     if volume:
-        along = np.zeros(points.shape)
-        along[vertex] = tangent
-        smooth &= ~star.leaves(along)[vertex]
+        smooth &= ~star.leaves(vertex, tangent, n_points)
     dimension[vertex[smooth]] = 1
     axis[vertex[smooth]] = tangent[smooth] if angle is not None else _snapped(tangent[smooth], bound[smooth])
 
@@ -107,16 +104,15 @@ class _Star:
         smallest limit at each.
         """
         vertex, facet = self.vertex, self.facet
-        reference = np.zeros(n_points, dtype=np.int64)
-        reference[vertex[::-1]] = facet[::-1]
-        turned = (self.normal[facet] * self.normal[reference[vertex]]).sum(axis=1) < 0
-        sign = np.where(turned & self.two_sided[facet], -1.0, 1.0)[:, None]
-        total = np.zeros((n_points, 3))
-        np.add.at(total, vertex, sign * self.area[facet])
-        mean = np.zeros_like(total)
-        around = distinct(vertex)
-        mean[around] = unit(total[around])
-        off = _length(sign * self.normal[facet] - mean[vertex]) > self.limit[facet]
+        normal, area = (of.take(facet, axis=0) for of in (self.normal, self.area))
+        if self.two_sided.any():
+            first = np.zeros(n_points, dtype=np.int64)
+            first[vertex[::-1]] = facet[::-1]
+            turned = (normal * self.normal.take(first[vertex], axis=0)).sum(axis=1) < 0
+            sign = np.where(turned & self.two_sided[facet], -1.0, 1.0)[:, None]
+            normal, area = sign * normal, sign * area
+        mean = unit(np.stack([np.bincount(vertex, x, n_points) for x in area.T], axis=1))
+        off = _length(normal - mean.take(vertex, axis=0)) > self.limit[facet]
         flat = np.zeros(n_points, dtype=bool)
         flat[vertex] = True
         flat[vertex[off]] = False
@@ -124,11 +120,15 @@ class _Star:
         np.minimum.at(least, vertex, self.limit[facet])
         return flat, mean, least
 
-    def leaves(self, along: np.ndarray) -> np.ndarray:
-        """(N,) bool, the vertices that would leave the plane of a facet moving along ``along`` (N, 3)."""
-        off = np.abs((self.normal[self.facet] * along[self.vertex]).sum(axis=1)) > self.limit[self.facet]
-        result = np.zeros(len(along), dtype=bool)
-        result[self.vertex[off]] = True
+    def leaves(self, vertices: np.ndarray, along: np.ndarray, n_points: int) -> np.ndarray:
+        """(n,) bool, which of ``vertices`` (n,) would leave the plane of a facet moving along (n, 3)."""
+        row = np.full(n_points, -1)
+        row[vertices] = np.arange(len(vertices))
+        here = np.flatnonzero(row[self.vertex] >= 0)
+        facet, of = self.facet[here], row[self.vertex[here]]
+        off = np.abs((self.normal[facet] * along[of]).sum(axis=1)) > self.limit[facet]
+        result = np.zeros(len(vertices), dtype=bool)
+        result[of[off]] = True
         return result
 
 
@@ -136,8 +136,8 @@ def _star(points: np.ndarray, constraints: Constraints, angle: float | None) -> 
     facets = constraints.facets
     facet, column = np.nonzero(facets >= 0)
     closed = np.where(facets < 0, facets[:, :1], facets)
-    a, b, c = (points[closed[:, k]] for k in range(3))
-    d = points[closed[:, 3]] if closed.shape[1] == 4 else a
+    a, b, c = (points.take(closed[:, k], axis=0) for k in range(3))
+    d = points.take(closed[:, 3], axis=0) if closed.shape[1] == 4 else a
     area = 0.5 * np.cross(c - a, d - b)
     normal = unit(area)
     if angle is None:
@@ -162,7 +162,7 @@ def _ridges(constraints: Constraints, normal: np.ndarray, angle: float) -> tuple
     positions, start = backend.twin(group)(number[: len(edges)], n)
     paired = np.diff(start) == 2
     one, other = (facet[positions[start[:-1][paired] + k]] for k in (0, 1))
-    cosine = (normal[one] * normal[other]).sum(axis=1)
+    cosine = (normal.take(one, axis=0) * normal.take(other, axis=0)).sum(axis=1)
     cosine = np.where(two_sided[one] & two_sided[other], np.abs(cosine), cosine)
     smooth = np.zeros(n, dtype=bool)
     smooth[paired] = (cosine >= np.cos(angle)) & (label[one] == label[other])

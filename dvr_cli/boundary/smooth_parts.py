@@ -113,7 +113,8 @@ def _patches(facets: np.ndarray, ridges: np.ndarray, backend: Backend) -> np.nda
     parted[number[len(edges) :]] = True
     position, start = backend.twin(group)(number[: len(edges)], n)
     pair = start[:-1][(np.diff(start) == 2) & ~parted]
-    return _numbers(connected_parts(len(facets), owner[position[pair]], owner[position[pair + 1]]))
+    parts = backend.twin(connected_parts)
+    return _numbers(parts(len(facets), owner[position[pair]], owner[position[pair + 1]]))
 
 
 def _curves(ridges: np.ndarray, inner: np.ndarray) -> np.ndarray:
@@ -128,15 +129,15 @@ def _plane(points: np.ndarray, triangles: np.ndarray, patch: np.ndarray, roundin
     n = int(patch.max(initial=-1)) + 1
     if not n:
         return np.empty(0, dtype=bool)
-    places = points[triangles]
-    area = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
-    total, middle = np.zeros((n, 3)), np.zeros((n, 3))
-    np.add.at(total, patch, area)
-    np.add.at(middle, patch, places.mean(axis=1))
-    middle /= np.bincount(patch, minlength=n)[:, None]
-    height = np.abs(((places - middle[patch][:, None]) * unit(total)[patch][:, None]).sum(axis=2))
+    a, b, c = (points.take(column, axis=0) for column in triangles.T)
+    area, centre = np.cross(b - a, c - a), (a + b + c) / 3.0
+    total, all_places = (np.stack([np.bincount(patch, x, n) for x in of.T], axis=1) for of in (area, centre))
+    middle = (all_places / np.bincount(patch, minlength=n)[:, None]).take(patch, axis=0)
+    normal = unit(total).take(patch, axis=0)
     plane = np.ones(n, dtype=bool)
-    plane[patch[height.max(axis=1) > 4.0 * rounding]] = False
+    for corner in (a, b, c):
+        height = np.abs(((corner - middle) * normal).sum(axis=1))
+        plane[patch[height > 4.0 * rounding]] = False
     return plane
 
 

@@ -94,7 +94,10 @@ def unfold(
         may[constraints.facets[constraints.facets[:, 3] >= 0]] = False
     mine = np.zeros(len(points), dtype=bool)
     mine[sheet.triangles[first]] = True
-    moved = sheet.unfolded(points, may & mine, first)
+    used, numbers = np.unique(sheet.triangles, return_inverse=True)  # few of a large boundary's vertices
+    small = _Sheet(numbers.reshape(-1, 3), len(used), angle, constraints.backend)
+    moved = points.copy()
+    moved[used] = small.unfolded(points[used], (may & mine)[used], first)
     moved, off[near] = _bounded(points, moved, sheet, bound, corners)
     return Unfolding(moved, sheet.triangles[first], sheet.triangles[sheet.folded(moved)], off)
 
@@ -116,14 +119,14 @@ class _Sheet:
 
     def _suspects(self, area: np.ndarray, mean: np.ndarray) -> np.ndarray:
         """See ``suspects``; area, mean: as ``_normals`` gives them."""
-        around = mean[self.triangles].sum(axis=1)
+        around = self._around_corners(mean)
         size = np.sqrt((area * area).sum(axis=1) * (around * around).sum(axis=1))
         return (area * around).sum(axis=1) < self._half * size
 
     def folded(self, points: np.ndarray) -> np.ndarray:
         """(T,) bool: the triangles that are folded, or pose as features."""
         area, mean = self._normals(points)
-        away = np.less((area * mean[self.triangles].sum(axis=1)).sum(axis=1), 0.0)
+        away = np.less((area * self._around_corners(mean)).sum(axis=1), 0.0)
         normal, beyond = unit(area), self._beyond
         inside = np.all(beyond >= 0, axis=1)
         turns = inside & ((normal[:, None] * normal[beyond]).sum(axis=2) < self._cosine).any(axis=1)
@@ -248,8 +251,14 @@ class _Sheet:
         """(n,) the largest gap between triangles of a part at ``origin`` and those near at ``target``."""
         spread = samples(origin[self.triangles[triangles]])
         of = np.repeat(part, spread.shape[1])
-        gap = gaps(spread.reshape(-1, 3), of, target[self.triangles[near[:, 1]]], near[:, 0], frame)
+        where = target[self.triangles[near[:, 1]]], near[:, 0], frame
+        gap = gaps(spread.reshape(-1, 3), of, *where, self._backend)
         return gap.reshape(len(triangles), -1).max(axis=1)
+
+    def _around_corners(self, mean: np.ndarray) -> np.ndarray:
+        """(T, 3) the sum of the mean normals (N, 3) at the corners of each triangle."""
+        a, b, c = (mean.take(column, axis=0) for column in self.triangles.T)
+        return a + b + c
 
     def _agree(self, normal: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         """(n,) bool: whether none of ``triangles`` (n, k) turns against another by the feature angle."""
@@ -258,7 +267,7 @@ class _Sheet:
 
     def _normals(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The vector areas (T, 3) of the triangles, and their sums (N, 3) around the vertices."""
-        a, b, c = (points[column] for column in self.triangles.T)
+        a, b, c = (points.take(column, axis=0) for column in self.triangles.T)
         area = np.cross(b - a, c - a)
         mean = np.stack(
             [

@@ -23,7 +23,8 @@ from dvr_cli.mesh.ranks import distinct
 
 _SAMPLES = np.array([[1, 1, 1], [8, 1, 1], [1, 8, 1], [1, 1, 8]])  # barycentric, within a triangle
 _CELLS = 27  # cells of the grid that a facet is in, on average at most
-_FARTHEST = (1 << 20) - 1  # the number of a cell along an axis at most; all beyond are one
+_BITS = 20  # of the number of a cell along an axis
+_FARTHEST = (1 << _BITS) - 1  # that number at most; all beyond are one
 _ONE_WAY = 0.5  # cosine of the angle up to which two facets look the same way
 _HALF_THAT = 0.75**0.5  # the cosine of half that angle
 _LARGE = 1.5  # width of large cells, in that of a facet and what its rays reach
@@ -39,7 +40,7 @@ def thickness(
     plane: (T,) bool, those whose shape stays as it is: between two of these no wall counts.
     Triangles with a vertex or an edge in common, or between them, are not across from each other.
     """
-    corners = points[triangles]
+    corners = points.take(triangles, axis=0)
     normals = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     result = np.full(len(triangles), np.inf)
     chosen = _near_others(corners, normals, patch, plane, reach)
@@ -95,8 +96,7 @@ def _near_others(
     corners: (T, 3, 3); normals, patch, plane: of each. Each facet is in all cells that it comes to within
     half of ``reach``, so it shares one with any that a ray of it hits.
     """
-    low, high = corners.min(axis=1) - 0.5 * reach, corners.max(axis=1) + 0.5 * reach
-    cells = _Cells.of(low, high, _LARGE * float((high - low).max(axis=1).mean()), 0.0)
+    cells = _Cells.of(corners, 0.5 * reach, _LARGE, 0.0)
     alike, start = cells.alike(normals, patch, _HALF_THAT)[0], cells.start
     still = np.logical_and.reduceat(plane[cells.facet], start[:-1])
     looked_at = ~(np.logical_and.reduceat(alike, start[:-1]) | still)
@@ -119,11 +119,16 @@ class _Cells:
     start: np.ndarray
 
     @classmethod
-    def of(cls, low: np.ndarray, high: np.ndarray, step: float, margin: float) -> _Cells:
+    def of(cls, corners: np.ndarray, around: float, wide: float, margin: float) -> _Cells:
         """Those of cells so wide, or wider, that are no farther than ``margin`` steps from facets.
 
-        low, high: (T, 3) the bounding box of each.
+        corners: (T, 3, 3). around: how far beyond its corners each facet reaches. wide: in mean widths of
+        these.
         """
+        a, b, c = corners.swapaxes(0, 1)
+        low = np.minimum(np.minimum(a, b), c) - around
+        high = np.maximum(np.maximum(a, b), c) + around
+        step = wide * float((high - low).max(axis=1).mean())
         while True:
             origin = low.min(axis=0) - step
             first = _place(low - margin * step, origin, step)
@@ -132,15 +137,20 @@ class _Cells:
             if count.sum() <= _CELLS * len(low):
                 break
             step *= 1.5
-        facet = np.repeat(np.arange(len(low)), count)
-        number = np.arange(len(facet)) - np.repeat(np.cumsum(count) - count, count)
-        place = np.empty((len(facet), 3), dtype=np.int64)
+        # these arrays are the largest of a run: 32 bits where they are enough, and column by column
+        first, width = first.astype(np.int32), width.astype(np.int32)
+        facet = np.repeat(np.arange(len(low), dtype=np.int32), count)
+        number = np.arange(len(facet), dtype=np.int32)
+        number -= np.repeat((np.cumsum(count) - count).astype(np.int32), count)
+        key = np.zeros(len(facet), dtype=np.int64)
         for i in range(3):
-            place[:, i] = first[facet, i] + number % width[facet, i]
-            number //= width[facet, i]
-        key = _key(place)
+            across = width[:, i][facet]
+            key = key << _BITS | (first[:, i][facet] + number % across)
+            number //= across
+        del number, across, first, width, count, low, high
         keys = distinct(key)
-        position, start = group(np.searchsorted(keys, key), len(keys))
+        key = np.searchsorted(keys, key).astype(np.int32)
+        position, start = group(key, len(keys))
         return cls(origin, step, keys, facet[position], start)
 
     def alike(
@@ -152,10 +162,13 @@ class _Cells:
         each entry of ``facet``, the mean normals (C, 3) and the patch (C,) of each cell.
         """
         facet, start = self.facet, self.start
-        mean, own = unit(np.add.reduceat(normals[facet], start[:-1])), patch[facet[start[:-1]]]
-        cell = np.repeat(np.arange(len(own)), np.diff(start))
-        alike = (normals[facet] * mean[cell]).sum(axis=1) > cosine
-        return alike & (patch[facet] == own[cell]), mean, own
+        own = patch[facet[start[:-1]]]
+        cell = np.repeat(np.arange(len(own), dtype=np.int32), np.diff(start))
+        mean = unit(np.stack([np.bincount(cell, along[facet]) for along in normals.T], axis=1))
+        along = np.zeros(len(facet))
+        for one, other in zip(normals.T, mean.T, strict=True):
+            along += one[facet] * other[cell]
+        return (along > cosine) & (patch[facet] == own[cell]), mean, own
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,8 +188,7 @@ class _Grid:
     @classmethod
     def of(cls, corners: np.ndarray, normals: np.ndarray, patch: np.ndarray) -> _Grid:
         """That of facets with these corners (T, 3, 3), unit normals (T, 3) and patches (T,)."""
-        low, high = corners.min(axis=1), corners.max(axis=1)
-        cells = _Cells.of(low, high, float((high - low).max(axis=1).mean()), 0.5)
+        cells = _Cells.of(corners, 0.0, 1.0, 0.5)
         alike, mean, own = cells.alike(normals, patch, _ONE_WAY)
         return cls(cells, np.logical_and.reduceat(alike, cells.start[:-1]), mean, own)
 
@@ -234,7 +246,7 @@ def _place(points: np.ndarray, origin: np.ndarray, step: float) -> np.ndarray:
 
 def _key(place: np.ndarray) -> np.ndarray:
     """(n,) one number for each cell."""
-    return place[:, 0] << 40 | place[:, 1] << 20 | place[:, 2]
+    return place[:, 0] << 2 * _BITS | place[:, 1] << _BITS | place[:, 2]
 
 
 def _gap(origin: np.ndarray, other: np.ndarray, normals: np.ndarray) -> np.ndarray:

@@ -35,7 +35,7 @@ def unlike_cells(weights: np.ndarray, blocks: list[Cells], backend: Backend = NU
 
     blocks, backend: as for ``mirrored_cells``.
     """
-    label = connected_parts(2 * len(weights), *sides(blocks, backend))
+    label = backend.twin(connected_parts)(2 * len(weights), *sides(blocks, backend))
     as_stored, mirrored = label[0::2], label[1::2]
     # The two labels of a cell name the two ways to orient its part. Adding up the measures under the smaller
     # of them gives the sign of that way; a part that cannot be oriented (both labels equal) stays as stored.

@@ -84,11 +84,14 @@ class Problem:
         batch_start = np.searchsorted(chosen, self.batch_start)
         return replace(self, rings=self.rings.part(chosen), batch_start=batch_start, freedom=freedom)
 
-    def keeping_within(self, limit: float) -> Problem:
-        """The same, in which walks take the mesh no farther from the input than ``limit``."""
+    def keeping_within(self, limit: float, across: np.ndarray | None = None) -> Problem:
+        """The same, in which walks take the mesh no farther from the input than ``limit``.
+
+        across: see ``Carriers.within``.
+        """
         if self.carriers is None:
             return self
-        return replace(self, carriers=self.carriers.within(limit))
+        return replace(self, carriers=self.carriers.within(limit, across))
 
 
 class RingArrays(NamedTuple):

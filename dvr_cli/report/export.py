@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,20 @@ from dvr_cli.quality.measure import Quality
 
 def as_json(record: Mapping[str, Any]) -> str:
     """A report's record as JSON, one line a key: legible, yet not a line for each of a million components."""
-    lines = (f"  {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in record.items())
+    lines = (f"  {json.dumps(key)}: {_as_json(value)}" for key, value in record.items())
     return "{\n" + ",\n".join(lines) + "\n}"
+
+
+def _as_json(value: Any) -> str:
+    """A value as JSON; in quality vectors equal numbers follow each other, which are made text but once."""
+    if not isinstance(value, list) or set(map(type, value)) != {float}:
+        return json.dumps(value, allow_nan=False)
+    numbers = np.array(value)
+    bits = numbers.view(np.int64)  # tells -0.0 from 0.0
+    begin = np.flatnonzero(np.concatenate([[True], bits[1:] != bits[:-1]]))
+    texts = json.dumps(numbers[begin].tolist(), allow_nan=False)[1:-1].split(", ")
+    again = np.diff(begin, append=len(value)).tolist()
+    return f"[{', '.join(chain.from_iterable(map(repeat, texts, again)))}]"
 
 
 def as_csv(quality: Quality) -> str:

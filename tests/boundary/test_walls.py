@@ -7,12 +7,16 @@ import pytest
 import trimesh
 
 from curved_parts import apart, distances
+from dvr_cli.api.boundary import moves_of
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.boundary import walls
 from dvr_cli.boundary.self_intersection import crossing_facets
 from dvr_cli.boundary.walls import thickness, width
+from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.relax.problem import build_problem
+from dvr_cli.relax.surface.carriers import across_of
 
 
 def shell(subdivisions: int, inner: float, noise: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -107,6 +111,23 @@ def test_what_large_cells_tell_takes_no_wall_away(reach, monkeypatch):
     everywhere = thickness(*given, reach)
     assert 0 < np.isfinite(everywhere).sum() < len(triangles) // 2
     assert np.array_equal(found, everywhere)
+
+
+@pytest.mark.parametrize("shape", ["shell", "ring"])
+def test_walls_sought_before_there_is_a_problem_are_those_of_the_problem(shape):
+    if shape == "shell":
+        points, triangles = shell(2, 0.94, noise=0.04)
+    else:
+        points, triangles = ring(40, 0.05)
+    mesh = Mesh(points, [Cells("triangle", triangles)])
+    domain = domain_of(mesh)
+    moves = moves_of(mesh, domain, "project", np.ones(len(points), dtype=bool), 60.0)
+    how = {"freedom": moves.within, "parts": moves.parts}
+    carriers = build_problem(domain.corners, moves.relaxed, domain.points, **how).carriers
+    found = across_of(domain.points, moves.parts, 0.1)
+    assert np.isfinite(found).any()
+    assert np.array_equal(carriers.within(0.1).across, found)
+    assert np.array_equal(carriers.within(0.1, found).ground.weight_at, carriers.within(0.1).ground.weight_at)
 
 
 def test_thin_walls_stay_apart():

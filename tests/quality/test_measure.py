@@ -195,6 +195,16 @@ def valid(record):
     return through
 
 
+@pytest.mark.parametrize("vector", [[], [0.5], [0.1, 0.1, 0.25, 0.25, 1e-300], [-0.0, 0.0], [1.0, 2]])
+def test_vectors_are_written_as_python_does(vector):
+    assert as_json({"quality_vector": vector}) == '{\n  "quality_vector": ' + json.dumps(vector) + "\n}"
+
+
+def test_a_vector_with_what_json_lacks_is_refused():
+    with pytest.raises(ValueError, match="JSON"):
+        as_json({"quality_vector": [0.5, float("nan")]})
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_quality_record_has_the_promised_keys(kind):
     mesh, _ = spoilt(kind)

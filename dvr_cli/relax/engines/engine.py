@@ -99,7 +99,7 @@ class Engine(ABC):
     @property
     def relaxed_points(self) -> np.ndarray:
         """(m, d) coordinates reached of the relaxed vertices, in the order of the problem's rings."""
-        return self._get()[self.problem.rings.vertices]
+        return self._get().take(self.problem.rings.vertices, axis=0)
 
     def q1(self) -> float:
         """Q1: the worst quality of a corner with a relaxed vertex, infinite if there are none."""
@@ -334,7 +334,7 @@ class Engine(ABC):
 
     def _placed(self, lo: int, hi: int) -> np.ndarray:
         """(hi - lo, d) copy of where the vertices of the rings lo .. hi are."""
-        return self._get()[self.problem.rings.vertices[lo:hi]]
+        return self._get().take(self.problem.rings.vertices[lo:hi], axis=0)
 
     def _moved(self, lo: int, hi: int, move: Callable[[int, int], int], limit: float, by_ring: bool) -> int:
         """Move the vertices of the rings lo .. hi, no farther than the altitude rule lets them.

@@ -142,19 +142,21 @@ class Carriers:
     limit: float = np.inf
     across: np.ndarray | None = None
 
-    def within(self, limit: float) -> Carriers:
+    def within(self, limit: float, across: np.ndarray | None = None) -> Carriers:
         """The same with another limit; where a wall is thin it is a third of the thickness at most.
 
-        Distances count more there, so that one limit holds for all. For a smaller limit than before no wall
-        is sought again.
+        Distances count more there, so that one limit holds for all. across: as ``across_of`` gives it for
+        this limit, by default sought here; for a smaller limit than before no wall is sought again.
         """
-        ground, across, in_plane = self.ground, self.across, self.before.shape[1] == 2
+        ground, in_plane = self.ground, self.before.shape[1] == 2
         sheets = ground.segments if in_plane else ground.triangles
         weight = np.ones(len(sheets))
-        if len(sheets) and (in_plane or not ground.plane.all()) and limit < np.inf:
+        if limit < np.inf:
             reach = limit / _OF_WALL
+            if across is None:
+                across = self.across
             if across is None or limit > self.limit:
-                across = self._across(reach)
+                across = _across(ground.places, ground, ground.plane, self.curve, reach, in_plane)
             weight = np.minimum(np.maximum(reach / np.maximum(across, reach / _MOST), 1.0), _MOST)
         at = np.ones(len(ground.places))
         for column in sheets.T:
@@ -162,13 +164,6 @@ class Carriers:
         of_facets, heaviest = weight[: len(ground.triangles)], np.array([weight.max(initial=1.0)])
         weighed = ground._replace(weight=of_facets, weight_at=at, heaviest=heaviest)
         return replace(self, ground=weighed, limit=limit, across=across)
-
-    def _across(self, reach: float) -> np.ndarray:
-        """The distance of what is across from each facet, or in a plane each segment, up to ``reach``."""
-        ground = self.ground
-        if self.before.shape[1] == 2:
-            return width(ground.places, ground.segments, self.curve, reach)
-        return thickness(ground.places, ground.triangles, ground.patch, ground.plane, reach)
 
     def standing(self) -> Standing:
         """Everybody where the input has them."""
@@ -308,15 +303,14 @@ def ground_of(points: np.ndarray, parts: SmoothParts, number: np.ndarray, backen
     places[number, : points.shape[1]] = points
     triangles = number[parts.triangles].astype(np.int32).reshape(-1, 3)
     segments = number[parts.segments].astype(np.int32).reshape(-1, 2)
-    a, b, c = places[triangles].swapaxes(0, 1)
+    a, b, c = (places.take(column, axis=0) for column in triangles.T)
     area = np.cross(b - a, c - a)
     size = np.sqrt((area * area).sum(axis=1))
     longest = np.maximum.reduce([((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))])
     flat = ~(size > _NO_AREA * longest)
     normals = unit(area)
     normals[flat] = 0.0
-    plane, off_at = parts.plane.copy(), np.zeros(len(points))
-    plane[parts.patch[parts.off > 0.0]] = False
+    off_at = np.zeros(len(points))
     for column in triangles.T:
         np.maximum.at(off_at, column, parts.off)
     return Ground(
@@ -325,7 +319,7 @@ def ground_of(points: np.ndarray, parts: SmoothParts, number: np.ndarray, backen
         beyond=_beyond(triangles, segments, flat, backend),
         normals=normals,
         patch=parts.patch.astype(np.int32),
-        plane=plane[parts.patch],
+        plane=_plane_of(parts),
         off=parts.off,
         off_at=off_at,
         weight=np.ones(len(triangles)),
@@ -334,6 +328,39 @@ def ground_of(points: np.ndarray, parts: SmoothParts, number: np.ndarray, backen
         segments=segments,
         onward=_onward(segments, number[parts.on_curve], len(points)),
     )
+
+
+def across_of(points: np.ndarray, parts: SmoothParts, limit: float) -> np.ndarray:
+    """The distance of what is across, as ``Carriers.within`` needs it for a limit.
+
+    points: (N, d) of the input. It takes as long as the problem, and does not wait for it.
+    """
+    places = np.zeros((len(points), 3))
+    places[:, : points.shape[1]] = points
+    return _across(places, parts, _plane_of(parts), parts.curve, limit / _OF_WALL, points.shape[1] == 2)
+
+
+def _across(
+    places: np.ndarray,
+    of: Ground | SmoothParts,
+    plane: np.ndarray,
+    curve: np.ndarray,
+    reach: float,
+    in_plane: bool,
+) -> np.ndarray:
+    """The distance of what is across from each facet, or in a plane each segment, up to ``reach``."""
+    if in_plane:
+        return width(places, of.segments, curve, reach) if len(of.segments) else np.empty(0)
+    if plane.all():
+        return np.full(len(plane), np.inf)
+    return thickness(places, of.triangles, of.patch, plane, reach)
+
+
+def _plane_of(parts: SmoothParts) -> np.ndarray:
+    """(T,) bool: whether all of a facet's patch is in one plane."""
+    plane = parts.plane.copy()
+    plane[parts.patch[parts.off > 0.0]] = False
+    return plane[parts.patch]
 
 
 def stars_of(ground: Ground, backend: Backend) -> Stars:
