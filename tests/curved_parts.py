@@ -12,6 +12,7 @@ from scipy.spatial import Delaunay
 from dvr_cli.files import gmsh as reader
 from dvr_cli.mesh.mesh import Cells, Mesh
 from gmsh_session import gmsh_session
+from meshes import random_mesh
 
 # how Gmsh's kernel makes each, and the size of its elements
 PARTS = {
@@ -109,6 +110,16 @@ def tube(twist: float, layers: int = 1, noise: float = 0.0, seed: int = 0, aroun
     cut = np.array([(0, 1, 3, 7), (0, 3, 2, 7), (0, 2, 6, 7), (0, 6, 4, 7), (0, 4, 5, 7), (0, 5, 1, 7)])
     cells = np.stack(at, axis=1)[:, cut].reshape(-1, 4)
     return Mesh(np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z]), [Cells("tetra", cells)])
+
+
+def ball(seed: int, n: int = 3) -> Mesh:
+    """A ball of tetrahedra, a cube blown up, with its inner vertices shaken."""
+    mesh = random_mesh("tetra", seed, n=n)
+    around = 2.0 * mesh.points - 1.0
+    far, radius = np.abs(around).max(axis=1), np.linalg.norm(around, axis=1)
+    return Mesh(
+        around * np.divide(far, radius, out=np.zeros_like(far), where=radius > 0)[:, None], mesh.cells
+    )
 
 
 def skin(mesh: Mesh) -> np.ndarray:

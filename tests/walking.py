@@ -17,6 +17,8 @@ from dvr_cli.relax.engines.numpy_engine import NumpyEngine
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.steepest import NARROWING, OPTIMAL, STEEPEST
 
+WEIGHTS = np.array([w for w in np.ndindex(5, 5, 5) if sum(w) == 4]) / 4
+
 
 def walkers(mesh: Mesh, limit: float, angle: float = 60.0) -> tuple[Engine, object]:
     """An engine at the input of a surface, and the domain."""
@@ -44,6 +46,15 @@ def nearest(triangles: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.
         which.append(away.argmin(axis=1))
         distance.append(away.min(axis=1))
     return np.concatenate(distance), np.concatenate(which)
+
+
+def within(before: np.ndarray, after: np.ndarray) -> float:
+    """The largest distance of two states of triangles (n, 3, 3), at dense samples of both, by trimesh."""
+    largest = 0.0
+    for here, there in ((before, after), (after, before)):
+        samples = np.einsum("sk,fkd->fsd", WEIGHTS, here).reshape(-1, 3)
+        largest = max(largest, nearest(there, samples)[0].max())
+    return largest
 
 
 def uprightness(mesh: Mesh, points: np.ndarray) -> np.ndarray:

@@ -73,8 +73,9 @@ class Run:
         self._begin: np.ndarray | None = None
         self._mean = 0.0  # at that place
         self._qualities: np.ndarray | None = None  # of the engine's corners there
+        self._walks_on_surface = domain.is_surface and moves.parts is not None
         self.level: float | None = (
-            options.stopping.target if options.is_free and moves.parts is None else None
+            options.stopping.target if options.is_free and not self._walks_on_surface else None
         )
         self._dear: float | None = None  # see ``relax.descent``
 
@@ -162,7 +163,7 @@ class Run:
             from dvr_cli.relax.patches.phase import relax_patches
 
             hooks = self._on_sweep, self._interrupted
-            if self.level is None and self._options.is_free and self._moves.parts is None:
+            if self.level is None and self._options.is_free and not self._walks_on_surface:
                 self.level = self._level()
             stopping, done = self._remaining(), len(self.sweeps)
             outcome = relax_patches(self._engine, stopping, done, *hooks, self.level, self._qualities)
@@ -172,14 +173,14 @@ class Run:
         """Raise the mean quality: the quality vector below the level of care does not decrease.
 
         Where the mean is then still below that of the start, it goes on with that level lowered towards Q1.
-        With a floor in the options, and where vertices walk, Q1 stays above that part of it and above
-        ``least``, and that is all.
+        With a floor in the options, and where vertices walk on a surface, Q1 stays above that part of it and
+        above ``least``, and that is all.
         """
         if (self.phases and self.stopped_because.is_final) or not self._engine.batches:
             return
         self._load()
         aim, floor, level = PLAIN, least, self.level or self._level()
-        if self._options.floor is not None or self._moves.parts is not None or level is None:
+        if self._options.floor is not None or self._walks_on_surface or level is None:
             part = _FLOOR if self._options.floor is None else self._options.floor
             floor = max(part * self._engine.q1(), least)
         else:

@@ -155,8 +155,7 @@ def _smoothed(
             run.untangle()
             after = measure(domain, domain.lift(mesh.points, run.points), relaxed)
             reference = reference_quality(after, before)
-        descends = options.takes_descent and (moves.parts is None or on_surface)
-        if descends and engine.batches:
+        if options.takes_descent and engine.batches:
             run.descend()
         elif on_surface:
             run.polish(reference.q1 or 0.0)

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from dvr_cli.relax.engines.engine import State
 
 _PHASE = "descent"
-_DEAR = 0.032  # share of the elements that cost more
+_DEAR = 0.032  # share of the elements that cost more,
+_DEAR_WALKING = 0.05  # and where some walk: measured, with less Q1 ends lower, with more it takes longer
 _NEAR = 1.1  # rings below so much of the quality at which that begins are visited
 _LOW_END = 0.01  # share of the elements whose growth counts
 # On surfaces. Measured: with 1.5 half as many sweeps as with 1, from 1.9 on the worst elements get worse.
@@ -59,12 +60,12 @@ def descend(
 
     No quality falls below the Q1 of the start. Should the quality vector fall, the descent is undone.
     """
-    start = engine.state()
+    start, problem = engine.state(), engine.problem
     floor = engine.q1()
     qualities = engine.qualities() if qualities is None else qualities
     before = engine.ring_qualities(qualities)
     hooks = on_sweep, interrupted
-    if engine.problem.is_surface:
+    if problem.is_surface:
         slower = replace(stopping, tol=_GROWTH * stopping.tol)
         work = Work(_PHASE, measure=_low_end, known=qualities)
         outcome = polish(engine, floor, slower, 0, *hooks, _aim_on_surface, work)
@@ -73,7 +74,7 @@ def descend(
         return Descent(outcome, floor, level if level > 0.0 else None, None)
     work = Work(_PHASE, foresees=True, known=qualities)
     outcome = polish(engine, floor, stopping, 0, *hooks, work=work)
-    dear = engine.level(outcome.of_corners(engine), _DEAR)
+    dear = engine.level(outcome.of_corners(engine), _DEAR if problem.carriers is None else _DEAR_WALKING)
     if not outcome.stopped_because.cuts_short and dear > 0.0:
         done, aim = len(outcome.sweeps), Aim(dear, relative=True)
         rest = stopping.less(sum(sweep.seconds for sweep in outcome.sweeps))

@@ -63,7 +63,8 @@ def test_the_quality_vector_never_decreases(name):
     mesh = MESHES[name]()
     last: dict[bool, np.ndarray] = {}
     for sweeps in (0, 1, 2):
-        _, report = projected(mesh, sweeps, polish=False)  # which trades the vector for the mean
+        # polishing trades the vector for the mean, and after other sweeps patches are other ones
+        _, report = projected(mesh, sweeps, polish=False, patches=False)
         assert at_least(report.after.vector, report.before.vector)
         # what is unfolded frees vertices: such runs are compared with each other
         unfolded = any(phase.phase == "unfold" for phase in report.phases)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from dvr_cli.relax.surface.walk import Walk
 
     State = tuple[np.ndarray, Standing | None]
+_ROOM = 0.9  # part of the limit on the distance from the input up to which vertices have room to walk
 _LONG_PART = 100_000  # corners, where each part has to be put together with the others
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
@@ -388,19 +389,9 @@ class Engine(ABC):
         walk, ring = self._walkers(carriers, standing), self._ring_of
         rules = carriers.limit, float(self.altitude), self._largest_ring
 
-        def attempt(patch: Patch) -> tuple[float, float]:
+        def solve(patch: Patch) -> tuple[float, float]:
             with np.errstate(all="ignore"):
                 return move(walk, ring[patch.moving], find(points, patch), patch.slot, *rules)
-
-        def solve(patch: Patch) -> tuple[float, float]:
-            found = attempt(patch)
-            walks = standing.at[patch.moving] >= 0
-            if found[1] < found[0] or not walks.any() or walks.all():
-                return found
-            patch.slot[patch.moving[walks]] = -1  # they stay: the others may gain without them
-            free = patch._replace(moving=patch.moving[~walks])
-            patch.slot[free.moving] = np.arange(len(free.moving))
-            return attempt(free)
 
         return solve
 
@@ -439,6 +430,16 @@ class Engine(ABC):
             return vertices[:0], Freedom(np.zeros(0, dtype=np.uint8), nobody)
         walking = vertices[standing.at[vertices] >= 0]
         return walking, carriers.tangents(standing, walking)
+
+    def has_room(self, walking: np.ndarray) -> np.ndarray:
+        """(n,) bool, those of vertices that walk around which the mesh may still come farther from the input.
+
+        Where it is almost as far as it may come hardly any way leads on.
+        """
+        carriers, standing = self.problem.carriers, self._standing
+        if carriers is None or standing is None or not len(walking):
+            return np.ones(len(walking), dtype=bool)
+        return carriers.apart_around(standing, walking) < _ROOM * carriers.limit
 
     def _walk(self, lo: int, hi: int, directions: np.ndarray, polishing: bool, floor: float, aim: Aim) -> int:
         """Walk the vertices of the rings lo .. hi; see ``walk.walk_rings``."""

@@ -98,6 +98,8 @@ class WholeRounds(Rounds):
         for freed, _, _ in parts:
             self._slot[freed] = np.arange(len(freed))
         walking, tangents = engine.tangents(patches.freed)
+        stays = ~engine.has_room(walking)
+        tangents.dimension[stays], tangents.axis[stays] = 1, 0.0  # a line that leads nowhere
         self._freedom.dimension[walking], self._freedom.axis[walking] = tangents.dimension, tangents.axis
         bounds = enough, float(engine.altitude)
         each = [Patch(*part, self._slot, *self._rules, *bounds) for part in parts]

@@ -25,7 +25,7 @@ from dvr_cli.boundary.manifold import Manifold
 from dvr_cli.boundary.smooth_parts import SmoothParts
 from dvr_cli.boundary.walls import thickness, width
 from dvr_cli.mesh.corners import Corners, Simplices
-from dvr_cli.mesh.csr import group
+from dvr_cli.mesh.csr import group, row_entries
 from dvr_cli.mesh.facets import numbered
 from dvr_cli.mesh.rings import Rings
 from dvr_cli.quality.mean_ratio import cell_normals, turned_over
@@ -237,6 +237,11 @@ class Carriers:
         owner = np.repeat(np.arange(len(bound)), np.diff(stars.edge_start))
         np.maximum.at(bound, owner, standing.bound[stars.edge])
         return bound
+
+    def apart_around(self, standing: Standing, vertices: np.ndarray) -> np.ndarray:
+        """(n,) the same for some vertices (n,) alone, each with an edge at least."""
+        entries, start = row_entries(self.stars.edge_start, vertices)
+        return np.maximum.reduceat(standing.bound[self.stars.edge[entries]], start[:-1])
 
     def apart(self, standing: Standing) -> tuple[np.ndarray, np.ndarray]:
         """Bounds (T,) and (S,) on how far each triangle and segment of the mesh is from the input."""

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from curved_parts import scanned, skin, wavy
+from curved_parts import ball, scanned, skin, wavy
 from dvr_cli.api.boundary import moves_of
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
@@ -20,32 +20,11 @@ from dvr_cli.relax.patches.phase import relax_patches
 from dvr_cli.relax.patches.solver import Patch, PatchEnergy, find_moves
 from dvr_cli.relax.problem import build_problem
 from dvr_cli.relax.stopping import Stopping
-from meshes import random_mesh
 from needs import require
-from walking import SURFACES, hosts, nearest, steps, uprightness, vector_of, walkers
+from walking import SURFACES, hosts, nearest, steps, uprightness, vector_of, walkers, within
 
 # every other one in the usual run
 SOME = [pytest.param(name, marks=[pytest.mark.long] * (i % 2)) for i, name in enumerate(SURFACES)]
-WEIGHTS = np.array([w for w in np.ndindex(5, 5, 5) if sum(w) == 4]) / 4
-
-
-def within(before: np.ndarray, after: np.ndarray) -> float:
-    """The largest distance of two states of triangles (n, 3, 3), at dense samples of both, by trimesh."""
-    largest = 0.0
-    for here, there in ((before, after), (after, before)):
-        samples = np.einsum("sk,fkd->fsd", WEIGHTS, here).reshape(-1, 3)
-        largest = max(largest, nearest(there, samples)[0].max())
-    return largest
-
-
-def ball(seed: int, n: int = 3) -> Mesh:
-    """A ball of tetrahedra, a cube blown up, with its inner vertices shaken."""
-    mesh = random_mesh("tetra", seed, n=n)
-    around = 2.0 * mesh.points - 1.0
-    far, radius = np.abs(around).max(axis=1), np.linalg.norm(around, axis=1)
-    return Mesh(
-        around * np.divide(far, radius, out=np.zeros_like(far), where=radius > 0)[:, None], mesh.cells
-    )
 
 
 def first_patches(engine: NumpyEngine) -> list[Patch]:
