@@ -391,7 +391,12 @@ class Engine(ABC):
 
         def solve(patch: Patch) -> tuple[float, float]:
             with np.errstate(all="ignore"):
-                return move(walk, ring[patch.moving], find(points, patch), patch.slot, *rules)
+                moves = find(points, patch)
+                goes = moves.any(axis=1)  # the others count as those that stay
+                moving = patch.moving[goes]
+                patch.slot[patch.moving] = -1
+                patch.slot[moving] = np.arange(len(moving))
+                return move(walk, ring[moving], moves[goes], patch.slot, *rules)
 
         return solve
 
