@@ -439,10 +439,11 @@ class Engine(ABC):
     def has_room(self, walking: np.ndarray) -> np.ndarray:
         """(n,) bool, those of vertices that walk around which the mesh may still come farther from the input.
 
-        Where it is almost as far as it may come hardly any way leads on.
+        Where a volume's boundary is almost as far as it may come hardly any way leads on, and the others of a
+        patch may gain without them. On a surface all would stay: so there they have room.
         """
         carriers, standing = self.problem.carriers, self._standing
-        if carriers is None or standing is None or not len(walking):
+        if carriers is None or standing is None or self.problem.is_surface or not len(walking):
             return np.ones(len(walking), dtype=bool)
         return carriers.apart_around(standing, walking) < _ROOM * carriers.limit
 
