@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dvr_cli.distributed.gathering import Piece
+from dvr_cli.distributed.ranks import agree
 from dvr_cli.distributed.rows import asked, bounds, owner_of, places, sent
 from dvr_cli.distributed.shares import CellRows, Kinds, Store, widened
 from dvr_cli.mesh.cell_types import CELL_TYPES, relaxed_dimension
@@ -75,7 +76,7 @@ def dealt(comm: Any, piece: Piece) -> Dealt | None:
     number = places(comm, *columns)
     sound = sound and _most(comm, number) == sum(counts.values())
     own = _own_rows(comm, size, index, points)
-    if not all(comm.allgather(sound and own is not None)) or own is None:
+    if not agree(comm, sound and own is not None) or own is None:
         return None
     of_types = Kinds(tuple(types), np.zeros((len(types), 0), dtype=np.int64), ())
     lower = CellRows(number[:0], cells[:0, :1], kind[:0])

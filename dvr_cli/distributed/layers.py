@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dvr_cli.distributed.orientation import of_cells
+from dvr_cli.distributed.ranks import agree
 from dvr_cli.distributed.rows import sent
 from dvr_cli.distributed.shares import CellRows, Local, Store
 from dvr_cli.mesh.domain import Domain
@@ -108,5 +109,5 @@ def _reached(
         new |= store.of_others(local.number, known)[0]
         done = np.array_equal(new, near)
         near = new
-        if all(comm.allgather(done)):
+        if agree(comm, done):
             return near[corners.vertices[corners.start[:-1], 0]]

@@ -89,3 +89,8 @@ def follow(comm: Any) -> int:
             else:
                 assert member is not None
                 member.do(task, *arguments)
+
+
+def agree(comm: Any, good: bool) -> bool:
+    """True if it is good on all ranks."""
+    return all(comm.allgather(good))

@@ -1,0 +1,195 @@
+"""Setting up a mesh that no rank has whole: what each rank moves, keeps and measures of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dvr_cli.api.boundary import Moves
+from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.share_selection import masks_of, regions_of_kinds
+from dvr_cli.boundary.freedom import interior_freedom
+from dvr_cli.distributed.layers import Layers, NeedsAll, layers_among
+from dvr_cli.distributed.orientation import mirrored_of, of_cells
+from dvr_cli.distributed.ranks import agree
+from dvr_cli.distributed.share_quality import View
+from dvr_cli.distributed.shared_parts import Share, share_of
+from dvr_cli.distributed.shares import CellRows, Local, Store
+from dvr_cli.distributed.sliding import sliding
+from dvr_cli.errors import UsageError
+from dvr_cli.mesh.corners import Corners
+from dvr_cli.mesh.domain import Domain, domain_of
+from dvr_cli.mesh.orientation import are_alike
+from dvr_cli.mesh.region_choice import NONE, Divider, RegionChoice
+from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities
+from dvr_cli.quality.stretching import REACH, held_by
+
+
+class Work(NamedTuple):
+    """The work of a job: how the vertices of a mesh move, and what is said of that.
+
+    engine: the name of a kind. vector: whether the leading rank gets quality vectors. counts: how many cells
+    of each type the whole has. once: whether a lower cell that is there twice would have to count once. held:
+    as in ``Ranges``.
+    """
+
+    options: SmoothOptions
+    engine: str
+    vector: bool
+    counts: dict[str, int]
+    once: bool
+    held: tuple[tuple[int, int], ...] = ()
+
+
+class Mine(NamedTuple):
+    """The work of a rank: its cells, their domain, how its vertices move, its share, its view of all.
+
+    mirrored: (c,) bool, the cells stored inside out, None where their measures say so. regions: (kinds,) of
+    the cells of each kind; dividers: what tells them apart. movable: (n,) bool, vertices that could move, and
+    masks: for each criterion those that it lets move, right for those of the rank. layers: what is kept, and
+    held: (n,) bool, the vertices that stay for its sake.
+    """
+
+    local: Local
+    domain: Domain
+    mirrored: np.ndarray | None
+    regions: np.ndarray
+    dividers: tuple[Divider, ...]
+    movable: np.ndarray
+    masks: dict[str, np.ndarray]
+    moves: Moves
+    share: Share
+    view: View
+    layers: Layers | None
+    held: np.ndarray
+
+
+def prepared(comm: Any, store: Store, work: Work, backend: Any) -> Mine | None:
+    """The work of this rank; None on all ranks where the mesh has to be on one, see ``smooth_shares``."""
+    is_surface = len(store.axes) > store.kinds.dimension
+    if is_surface or not agree(comm, len(store.cells.ids) > 0):
+        return None
+    if work.once and not agree(comm, not _has_repeated(store)):
+        return None
+    looks, looked, layers = work.options.shape == "auto", False, None
+    try:
+        if looks and comm.size > 1:
+            looked, layers = _layers(comm, store, backend)
+        regions, dividers = regions_of_kinds(comm, store, work.options.region_choice)
+    except (NeedsAll, UsageError):  # the leading rank will say so
+        return None
+    local = store.local(store.cells, store.lower)
+    oriented = _oriented(comm, store, local, regions, backend)
+    if oriented is None:
+        return None
+    domain, mirrored, quality = oriented
+    owned = store.owned(store.cells.cells)
+    try:
+        if looks and comm.size == 1:  # it has all there is
+            layers = layers_among(comm, store, store.cells, local, domain, quality)
+        elif looks and not looked:
+            looked, layers = _layers(comm, store, backend, mirrored)
+            if not looked:
+                return None
+    except NeedsAll:
+        return None
+    held = np.zeros(len(local.number), dtype=bool)
+    if layers is not None:
+        held = store.as_owned(local, held_by(domain, layers.kept, quality))
+        corners, all_held = with_held(domain.corners, layers.kept, held)
+        if not agree(comm, all_held):
+            return None  # some need a row in the table of targets
+        domain = replace(domain, corners=corners)
+    del oriented, quality  # large, and needed no more
+    moves = Moves(interior_freedom(domain.interior, domain.dimension), None)
+    if work.options.boundary == "slide":
+        slides = sliding(comm, store, local, domain)
+        if slides is None:
+            return None
+        moves = Moves(slides[0], None, slides[1])
+    try:
+        masks = masks_of(store, local, domain, work.options.selection)
+    except UsageError:
+        return None
+    movable = moves.freedom.dimension > 0
+    selected = np.logical_and.reduce([~held, *masks.values()])
+    moves = replace(moves, freedom=moves.freedom.only(selected))
+    share = share_of(comm, store, local, domain, moves.freedom)
+    own = np.flatnonzero(share.own & share.relaxed)
+    ends = np.array(work.held, dtype=np.int64).ravel()  # of ranges, ascending
+    if not agree(comm, not (np.searchsorted(ends, local.index[own], side="right") % 2).any()):
+        return None
+    domain = replace(domain, cell_ids=local.cells)
+    view = View(domain, owned, share.relaxed, own, local.index[own])
+    return Mine(local, domain, mirrored, regions, dividers, movable, masks, moves, share, view, layers, held)
+
+
+def with_held(corners: Corners, kept: np.ndarray, held: np.ndarray) -> tuple[Corners, bool]:
+    """The corners as ``with_targets`` makes them, and whether those of all kept cells are held.
+
+    kept: (c,) bool, of the cells; held: (n,) bool, the vertices that stay for their sake.
+    """
+    of_kept = np.repeat(kept, np.diff(corners.start))
+    of_held = of_kept & held[corners.vertices].all(axis=1)
+    return replace(corners, held=of_held if of_held.any() else None), bool((of_held == of_kept).all())
+
+
+def _has_repeated(store: Store) -> bool:
+    """True if a lower cell is here twice."""
+    cells = store.lower.cells
+    rows = np.column_stack([np.array(store.kinds.sizes)[store.lower.kinds], np.sort(cells, axis=1)])
+    return len(np.unique(rows, axis=0)) < len(rows)
+
+
+def _oriented(
+    comm: Any, store: Store, local: Local, regions: np.ndarray, backend: Any
+) -> tuple[Domain, np.ndarray | None, np.ndarray] | None:
+    """The domain of a rank's mesh, its ``mirrored`` (see ``Mine``), and (C,) the quality of its corners.
+
+    Where all cells are positive and alike once those of negative measure are turned, no other way to orient
+    the whole is; else it is followed from rank to rank. None on all where a cell is there twice, or rounding
+    would decide.
+    """
+    of_cells = per_cell(regions, local)
+    domain = domain_of(local.mesh, backend=backend, regions=of_cells)
+    if not agree(comm, not len(domain.repeated)):
+        return None
+    quality = corner_qualities(domain.points, domain.corners, backend)
+    good = bool((quality > DEGENERATE).all())
+    ways = set(comm.allgather(domain.mirrored / len(local.cells)))
+    if len(ways) > 1 or not ways <= {0.0, 1.0}:
+        good = good and are_alike(domain.cells, backend)
+    if agree(comm, good):
+        return domain, None, quality
+    mirrored = mirrored_of(comm, store, local, domain, backend)
+    if mirrored is None:
+        return None
+    domain = domain_of(local.mesh, backend=backend, regions=of_cells, mirrored=mirrored)
+    return domain, mirrored, corner_qualities(domain.points, domain.corners, backend)
+
+
+def per_cell(regions: np.ndarray, local: Local) -> RegionChoice:
+    """The regions of the cells of a mesh; regions: (kinds,) of those of each kind."""
+    return regions[local.kinds] if regions.any() else (NONE,)
+
+
+def _layers(
+    comm: Any, store: Store, backend: Any, mirrored: np.ndarray | None = None
+) -> tuple[bool, Layers | None]:
+    """False if it could not be found out what is kept; and that. mirrored: see ``Mine``.
+
+    It cannot where cells are not positive and ``mirrored`` is not given. Raises NeedsAll, on all ranks.
+    """
+    cells = store.within(REACH)
+    none = CellRows(*(column[:0] for column in store.lower))
+    local = store.local(cells, none)
+    turned = None if mirrored is None else of_cells(store, mirrored, cells)
+    domain = domain_of(local.mesh, backend=backend, mirrored=turned)
+    if not agree(comm, not len(domain.repeated)):
+        raise NeedsAll
+    quality = corner_qualities(domain.points, domain.corners, backend)
+    if mirrored is None and not agree(comm, bool((quality > DEGENERATE).all())):
+        return False, None
+    return True, layers_among(comm, store, cells, local, domain, quality)
