@@ -1,4 +1,4 @@
-"""What holds the worst elements of a mesh that no rank has whole."""
+"""The limit of a mesh that no rank has whole: what holds its worst elements."""
 
 from __future__ import annotations
 
