@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dvr_cli.beside import beside
 from dvr_cli.boundary.constraints import Constraints, constraints_of, surface_constraints
 from dvr_cli.boundary.features import features_of
 from dvr_cli.boundary.freedom import Freedom, interior_freedom
@@ -167,16 +169,21 @@ def bound_of(domain: Domain, max_deviation: float | None) -> float:
     return _USUAL_DEVIATION * float(np.linalg.norm(np.ptp(domain.points[used], axis=0)))
 
 
-def change_of(domain: Domain, points: np.ndarray, bound: float) -> BoundaryChange:
+def change_of(
+    domain: Domain, points: np.ndarray, deviation: Callable[[], float], bound: float, threads: int
+) -> BoundaryChange:
     """The change of the boundary of a domain at the coordinates ``points`` (N, d).
 
-    bound: how far it may be from the input's; how far it is remains to be measured.
+    deviation: measures how far it is from the input's, while volume and area are found beside; bound: how
+    far it may be.
     """
     from dvr_cli.boundary.extent import extents
 
-    (volume, area), (new_volume, new_area) = extents(domain, domain.points, points)
+    both = beside(threads, partial(extents, domain, domain.points, points))
+    apart = deviation()
+    (volume, area), (new_volume, new_area) = both()
     return BoundaryChange(
-        deviation=0.0,
+        deviation=apart,
         max_deviation=bound,
         volume_change=None if not volume or new_volume is None else new_volume / volume - 1.0,
         area_change=new_area / area - 1.0 if area else None,

@@ -256,10 +256,9 @@ class Run:
 
     def keeps(self, bound: float) -> bool:
         """Measure how far the boundary has come from the input's; whether that is within the bound."""
-        change = beside(self.threads, partial(change_of, self._domain, self.points, bound))
-        deviation = self._engine.deviation()
-        self.boundary = replace(change(), deviation=deviation)
-        return deviation <= bound
+        how = self._engine.deviation, bound, self.threads
+        self.boundary = change_of(self._domain, self.points, *how)
+        return self.boundary.deviation <= bound
 
     def undo(self, bound: float) -> None:
         """Go back to where vertices began to walk, as the boundary has come too far from the input's."""
@@ -267,8 +266,8 @@ class Run:
         self._qualities = None
         self.points, self.stopped_because = self._start, StopReason.DEVIATION
         as_given = np.array_equal(self._start, self._domain.points)  # nothing was unfolded
-        deviation = 0.0 if as_given else self._engine.deviation()
-        self.boundary = replace(change_of(self._domain, self.points, bound), deviation=deviation)
+        deviation = (lambda: 0.0) if as_given else self._engine.deviation
+        self.boundary = change_of(self._domain, self.points, deviation, bound, self.threads)
 
     def _enter(self, name: str, outcome: Relaxation) -> None:
         """Take over the result of a phase, and record it."""

@@ -45,10 +45,7 @@ def limit_of_whole(
     d = points.shape[1]
     flags = np.stack([domain.interior, share.relaxed, mine.movable, mine.held, *mine.masks.values()], axis=1)
     kept = None if mine.layers is None else of_cells(store, mine.layers.kept, cells)
-    rows = np.zeros((store.count, d + flags.shape[1]))
-    rows[:, :d] = store.points
-    rows[local.number[share.own] - store.first] = np.hstack([points, flags])[share.own]
-    around, _ = store.of_others(near.number, rows)
+    around, _ = store.of_others(near.number, store.rows_of(local, np.hstack([points, flags])))
     if comm.rank != LEAD:
         return None
     # two vertices more, of no cell, so that the mesh is as large as the whole

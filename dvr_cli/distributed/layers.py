@@ -103,8 +103,7 @@ def _reached(
         hit[part[near]] = True
         new = hit[part] | near
         (told,) = sent(comm, store.owner(local.number[new & ~own]), local.number[new & ~own])
-        known = np.zeros(store.count, dtype=bool)
-        known[local.number[own] - store.first] = new[own]
+        known = store.rows_of(local, new)
         known[told - store.first] = True
         new |= store.of_others(local.number, known)[0]
         done = np.array_equal(new, near)

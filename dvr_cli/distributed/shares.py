@@ -231,10 +231,14 @@ class Store:
 
     def as_owned(self, local: Local, values: np.ndarray) -> np.ndarray:
         """The values (n, ...) that the owners of the vertices of a rank's mesh have for them."""
+        return self.of_others(local.number, self.rows_of(local, values))[0]
+
+    def rows_of(self, local: Local, values: np.ndarray) -> np.ndarray:
+        """The values (n, ...) that a rank's mesh has for the vertices it owns, by number; else 0."""
         own = self._owns(local.number)
-        known = np.zeros((self.count, *values.shape[1:]), dtype=values.dtype)
-        known[local.number[own] - self.first] = values[own]
-        return self.of_others(local.number, known)[0]
+        rows = np.zeros((self.count, *values.shape[1:]), dtype=values.dtype)
+        rows[local.number[own] - self.first] = values[own]
+        return rows
 
     def within_rings(self, local: Local, rows: list[np.ndarray], near: np.ndarray, rings: int) -> np.ndarray:
         """As ``neighbours.within_rings`` in the whole, (n,) of the vertices of a rank's mesh.

@@ -123,11 +123,9 @@ class Tangle:
         named = numbers[:0] if all_of_them is None else distinct(np.concatenate(all_of_them))
         cells = store.around(named)
         part = store.local(cells, CellRows(*(column[:0] for column in store.lower)))
-        own, d = self._own, points.shape[1]
-        rows = np.zeros((store.count, 2 * d + 2))
+        d = points.shape[1]
         columns = np.column_stack([points, freedom.axis, freedom.dimension, marked])
-        rows[self.local.number[own] - store.first] = columns[own]
-        values, _ = store.of_others(part.number, rows)
+        values, _ = store.of_others(part.number, store.rows_of(self.local, columns))
         mirrored = of_cells(store, self.mirrored, cells)
         if all_of_them is None:
             return None
@@ -141,10 +139,9 @@ class Tangle:
 
     def _spread(self, points: np.ndarray, numbers: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """(n, d) points of the rank's mesh where some are elsewhere; numbers, moved: of the leading rank."""
-        store, own = self.store, self._own
+        store = self.store
         numbers, moved = sent(store.comm, store.owner(numbers), numbers, moved)
-        rows = np.zeros((store.count, points.shape[1]))
-        rows[self.local.number[own] - store.first] = points[own]
+        rows = store.rows_of(self.local, points)
         rows[numbers - store.first] = moved
         return store.of_others(self.local.number, rows)[0]
 

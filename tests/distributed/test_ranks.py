@@ -12,6 +12,16 @@ import pytest
 from dvr_cli.cli.main import main
 from meshes import KINDS, random_mesh, tangled
 
+
+def cases_of(usual, others, compiled):
+    """The usual case, and the long ones: others, and those of the compiled engine."""
+    return [
+        usual,
+        *(pytest.param(*both, "numpy", marks=pytest.mark.long) for both in others),
+        *(pytest.param(*both, "numba", marks=pytest.mark.long) for both in compiled),
+    ]
+
+
 SWEEPS = "-d random,steepest -n 2 --tol 0 --no-polish --no-patches"
 # name of a mesh, and options
 RUNS = (
@@ -37,12 +47,7 @@ RUNS = (
 # ranks, and one run in so many, where tests may take long
 OTHERS = ((1, 2), (2, 2), (3, 3), (4, 1), (8, 3))
 COMPILED = ((2, 3), (3, 1), (8, 4))  # the same with the compiled engine
-CASES = [(3, 8, "numpy")]
-CASES += [
-    pytest.param(*both, engine, marks=pytest.mark.long)
-    for engine, some in (("numpy", OTHERS), ("numba", COMPILED))
-    for both in some
-]
+CASES = cases_of((3, 8, "numpy"), OTHERS, COMPILED)
 
 
 def job(on_ranks, ranks, folder, commands, *fault):

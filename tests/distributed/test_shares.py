@@ -7,8 +7,8 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from test_ranks import cases_of, in_one_process, job, without_times
 from test_ranks import commands_of as commands_for
-from test_ranks import in_one_process, job, without_times
 
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.shares import takes
@@ -96,12 +96,7 @@ RUNS = (
 # ranks, and one run in so many, where tests may take long
 OTHERS = ((1, 6), (2, 4), (3, 3), (4, 1), (8, 4))
 COMPILED = ((2, 3), (3, 1), (8, 4))  # the same with the compiled engine
-CASES = [(3, 16, "numpy")]
-CASES += [
-    pytest.param(*both, engine, marks=pytest.mark.long)
-    for engine, some in (("numpy", OTHERS), ("numba", COMPILED))
-    for both in some
-]
+CASES = cases_of((3, 16, "numpy"), OTHERS, COMPILED)
 
 
 def ranges_of(path):
