@@ -94,8 +94,8 @@ RUNS = (
     ("hull", "--fix tetra -n 3"),  # nothing can move
 )
 # ranks, and one run in so many, where tests may take long
-OTHERS = ((1, 6), (2, 4), (3, 3), (4, 1), (8, 4))
-COMPILED = ((2, 3), (3, 1), (8, 4))  # the same with the compiled engine
+OTHERS = ((1, 6), (2, 4), (3, 3), (4, 2), (8, 4))
+COMPILED = ((2, 3), (3, 1), (8, 6))  # the same with the compiled engine
 CASES = cases_of((3, 16, "numpy"), OTHERS, COMPILED)
 
 
