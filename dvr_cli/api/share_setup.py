@@ -11,7 +11,7 @@ from dvr_cli.api.boundary import Moves
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.share_selection import masks_of, regions_of_kinds
 from dvr_cli.boundary.freedom import interior_freedom
-from dvr_cli.distributed.layers import Layers, NeedsAll, layers_among
+from dvr_cli.distributed.layers import Layers, layers_among
 from dvr_cli.distributed.orientation import mirrored_of, of_cells
 from dvr_cli.distributed.ranks import agree
 from dvr_cli.distributed.share_quality import View
@@ -25,6 +25,10 @@ from dvr_cli.mesh.orientation import are_alike
 from dvr_cli.mesh.region_choice import NONE, Divider, RegionChoice
 from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities
 from dvr_cli.quality.stretching import REACH, held_by
+
+
+class NeedsAll(Exception):
+    """Only a rank that has the whole mesh can tell."""
 
 
 class Work(NamedTuple):

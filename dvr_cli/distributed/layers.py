@@ -10,16 +10,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dvr_cli.distributed.orientation import of_cells
+from dvr_cli.distributed.labels import labels_of_parts, sums_of_parts
+from dvr_cli.distributed.orientation import of_cells, owner_of_cells
 from dvr_cli.distributed.ranks import agree
 from dvr_cli.distributed.rows import sent
 from dvr_cli.distributed.shares import CellRows, Local, Store
 from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.orientation import connected_parts
-from dvr_cli.quality.sheets import Inside, cells_of_sheets
+from dvr_cli.quality.sheets import Inside
 from dvr_cli.quality.stretching import aspects_of, inside_sheets_of, seeds_among
-
-_MANY = 100_000  # cells inside what may be sheets: all ranks may know so many
 
 
 class Layers(NamedTuple):
@@ -30,21 +29,17 @@ class Layers(NamedTuple):
     max_aspect: float
 
 
-class NeedsAll(Exception):
-    """Only a rank that has the whole mesh can tell."""
-
-
 def layers_among(
     comm: Any, store: Store, cells: CellRows, local: Local, domain: Domain, quality: np.ndarray
 ) -> Layers | None:
     """The layers of the whole, on all ranks together; None where there are none.
 
     cells: those of the rank and all that can be reached from them in REACH steps; local, domain: theirs, and
-    quality: (C,) of its corners. Raises NeedsAll, on all ranks.
+    quality: (C,) of its corners.
     """
     own = store.owned(cells.cells)
     seeds = seeds_among(domain, own, quality)
-    sheets = _in_sheets(comm, cells.ids, own, inside_sheets_of(domain, quality))
+    sheets = _in_sheets(comm, store, cells, own, inside_sheets_of(domain, quality))
     seeds = np.concatenate([seeds, np.flatnonzero(sheets & own)])
     if not any(comm.allgather(len(seeds) > 0)):
         return None
@@ -61,24 +56,30 @@ def layers_among(
     return Layers(of_cells(store, of_rank, store.cells), count, float(np.exp(largest)))
 
 
-def _in_sheets(comm: Any, ids: np.ndarray, own: np.ndarray, found: Inside | None) -> np.ndarray:
-    """(n,) bool: the cells with these ids that lie in sheets, right for the rank's own and those beside them.
+def _in_sheets(comm: Any, store: Store, cells: CellRows, own: np.ndarray, found: Inside | None) -> np.ndarray:
+    """(n,) bool: the cells that lie in sheets, right for the rank's own ((n,) bool).
 
     found: the cells inside what may be sheets.
     """
-    result, mine = np.zeros(len(ids), dtype=bool), None
+    n = len(own)
+    if not any(comm.allgather(found is not None)):
+        return np.zeros(n, dtype=bool)
+    weight, one, other = np.zeros(n), np.empty(0, np.int64), np.empty(0, np.int64)
+    beside = own.copy()
     if found is not None:
-        inside = own[found.cells]
-        pairs = found.pairs[own[found.pairs].any(axis=1)]
-        mine = Inside(ids[found.cells[inside]], found.weight[inside], ids[pairs], pairs[:0])
-    if comm.allreduce(0 if mine is None else len(mine.cells)) > _MANY:
-        raise NeedsAll
-    parts = [part for part in comm.allgather(mine) if part is not None]
-    if parts and found is not None:
-        inside = np.isin(ids, cells_of_sheets(parts))
-        one, other = found.alike.T
-        result = inside.copy()
-        result[other[inside[one]]] = result[one[inside[other]]] = True
+        weight[found.cells] = found.weight
+        one, other = found.alike[own[found.alike].any(axis=1)].T
+        beside[one] = beside[other] = True
+    inside = (weight > 0.0) & beside
+    which = np.flatnonzero(inside)
+    place = np.cumsum(inside) - 1
+    both = inside[one] & inside[other]
+    ids, owner = cells.ids[which], owner_of_cells(store, cells)[which]
+    part = labels_of_parts(comm, ids, owner, place[one[both]], place[other[both]])[:, 0]
+    (size,) = sums_of_parts(comm, part, own[which], weight[which])
+    inside[which] = size >= 1.0
+    result = inside.copy()
+    result[other[inside[one]]] = result[one[inside[other]]] = True
     return result
 
 

@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from dvr_cli.backend import Backend
-from dvr_cli.distributed.rows import asked, sent
+from dvr_cli.distributed.labels import labels_of_parts, sums_of_parts
+from dvr_cli.distributed.rows import asked
 from dvr_cli.distributed.shares import CellRows, Local, Store
 from dvr_cli.mesh.corners import corners_of
 from dvr_cli.mesh.domain import Domain
-from dvr_cli.mesh.orientation import connected_parts, sides
+from dvr_cli.mesh.orientation import sides
 from dvr_cli.mesh.simplex import determinants
 
 _ROUNDING = 1e-9  # of the sum of all sizes: a smaller sum of signed ones may be that of rounding
@@ -35,61 +36,24 @@ def mirrored_of(comm: Any, store: Store, local: Local, domain: Domain, backend: 
         if all(each[nth] for each in signs):
             return np.full(len(measures), nth == 1)
     own = store.owner(local.number) == comm.rank
-    label = _labels(comm, store, *sides(stored, backend, own))
+    one, other = sides(stored, backend, own)
+    label = labels_of_parts(comm, store.cells.ids, owner_of_cells(store, store.cells), one, other, width=2)
     as_stored, mirrored = label.T
     way = np.where(as_stored <= mirrored, 1.0, -1.0)
-    part = np.minimum(as_stored, mirrored)
     mine = store.owned(store.cells.cells)
-    signed = way * measures
-    keys, at = np.unique(part[mine], return_inverse=True)
-    sums = [np.bincount(at, weights, len(keys)) for weights in (signed[mine], np.abs(measures[mine]))]
-    keys, *sums = sent(comm, keys % comm.size, keys, *sums)
-    known, at = np.unique(keys, return_inverse=True)
-    total, size = (np.bincount(at, weights, len(known)) for weights in sums)
+    values = way * measures, np.abs(measures)
+    total, size = sums_of_parts(comm, np.minimum(as_stored, mirrored), mine, *values)
     if any(comm.allgather(bool((np.abs(total) <= _ROUNDING * size).any()))):
         return None
-    wanted, at = np.unique(part, return_inverse=True)
-    sign = np.sign(total)
-    good, _ = asked(comm, wanted, wanted % comm.size, lambda some: sign[np.searchsorted(known, some)])
-    return (way != good[at]) & (as_stored != mirrored)
+    return (way != np.sign(total)) & (as_stored != mirrored)
 
 
 def of_cells(store: Store, values: np.ndarray, cells: CellRows) -> np.ndarray:
     """The values of some cells, from the ranks that own them; values: (c,) of ``store.cells``."""
-    ids, owner = store.cells.ids, _owner(store, cells)
+    ids, owner = store.cells.ids, owner_of_cells(store, cells)
     return asked(store.comm, cells.ids, owner, lambda some: values[np.searchsorted(ids, some)])[0]
 
 
-def _owner(store: Store, cells: CellRows) -> np.ndarray:
+def owner_of_cells(store: Store, cells: CellRows) -> np.ndarray:
     """(c,) the rank that owns each of some cells."""
     return store.owner(reduce(np.minimum, cells.cells.T))
-
-
-def _labels(comm: Any, store: Store, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """(c, 2) the smallest node of the part of each cell of the rank, as stored and mirrored.
-
-    one, other: see ``sides``, by place among the rank's cells. The nodes of the whole are 2 id and 2 id + 1.
-    """
-    ids = store.cells.ids
-    nodes = 2 * len(ids)
-    part = connected_parts(nodes, one, other)
-    label = (2 * ids[:, None] + np.arange(2)).ravel()
-    owner = _owner(store, store.cells)
-    ghosts = np.flatnonzero(owner != comm.rank)
-
-    def joined(label: np.ndarray) -> np.ndarray:
-        lowest = np.full(nodes, np.iinfo(np.int64).max)
-        np.minimum.at(lowest, part, label)
-        return lowest[part]
-
-    while True:
-        before = label
-        label = joined(label)
-        there, found = sent(comm, owner[ghosts], ids[ghosts], label.reshape(-1, 2)[ghosts])
-        of_owned = label.reshape(-1, 2).copy()
-        np.minimum.at(of_owned, np.searchsorted(ids, there), found)
-        label = joined(of_owned.ravel())
-        answers = of_cells(store, label.reshape(-1, 2), CellRows(*(column[ghosts] for column in store.cells)))
-        label.reshape(-1, 2)[ghosts] = answers  # no higher than what they were
-        if not any(comm.allgather(bool((label != before).any()))):
-            return label.reshape(-1, 2)

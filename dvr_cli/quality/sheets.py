@@ -52,13 +52,13 @@ def in_sheets(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray) -> 
 class Inside(NamedTuple):
     """The cells that lie inside sheets, if there are enough that hang together.
 
-    cells: (m,) their numbers. weight: (m,) the part of a sheet that each is. pairs: (k, 2) those that hang
-    together. alike: (j, 2) all cells, inside or not, that share a facet and are stretched alike.
+    cells: (m,) their numbers. weight: (m,) the part of a sheet that each is: whole sheets add up to one at
+    least. alike: (j, 2) all cells, inside or not, that share a facet and are stretched alike; those inside
+    hang together by these.
     """
 
     cells: np.ndarray
     weight: np.ndarray
-    pairs: np.ndarray
     alike: np.ndarray
 
 
@@ -67,19 +67,7 @@ def inside_sheets(blocks: list[Cells], flat: np.ndarray, stretching: np.ndarray)
     which, blocks = _only(blocks, flat)
     one, other = _alike(blocks, stretching[which])
     inside = _half_of_facets(blocks, one, other)
-    both = inside[one] & inside[other]
-    pairs = np.stack([which[one[both]], which[other[both]]], axis=1)
-    return Inside(which[inside], _weight(blocks)[inside], pairs, np.stack([which[one], which[other]], axis=1))
-
-
-def cells_of_sheets(parts: list[Inside]) -> np.ndarray:
-    """The cells of which enough hang together, each cell being in one of the parts, and each pair in any."""
-    columns = zip(*(part[:3] for part in parts), strict=True)
-    cells, weight, pairs = (np.concatenate(column) for column in columns)
-    order = np.argsort(cells)
-    one, other = np.searchsorted(cells[order], pairs.T)
-    part = connected_parts(len(cells), one, other)
-    return cells[order][(np.bincount(part, weight[order], 1) >= 1.0)[part]]
+    return Inside(which[inside], _weight(blocks)[inside], np.stack([which[one], which[other]], axis=1))
 
 
 def _alike(blocks: list[Cells], rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,6 +11,7 @@ from scipy.linalg import logm
 from dvr_cli.backend import COMPILED
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
+from dvr_cli.mesh.orientation import connected_parts
 from dvr_cli.quality import sheets, stretching
 from dvr_cli.quality.sheets import orderly
 from dvr_cli.quality.stretching import coherent, inside_sheets_of, seeds_among
@@ -325,7 +326,7 @@ def test_parts_of_a_mesh_add_up_to_its_sheets(kind, sheet):
     heights[1] = 0.01 if sheet else heights[1]
     whole = domain_of(grid(kind, heights))
     n, cells = len(whole.cell_ids), stretching._Cells(whole)
-    parts = []
+    weight, pairs = np.zeros(n), []
     for part in np.array_split(np.random.default_rng(1).permutation(n), 5):
         near = cells.around(part, 2)
         ids = np.flatnonzero(near)
@@ -333,10 +334,13 @@ def test_parts_of_a_mesh_add_up_to_its_sheets(kind, sheet):
         found = inside_sheets_of(beside, _qualities(beside))
         if found is not None:
             own = np.isin(ids[found.cells], part)
-            pairs = ids[found.pairs]
-            pairs = pairs[np.isin(pairs, part).any(axis=1)]
-            parts.append(sheets.Inside(ids[found.cells[own]], found.weight[own], pairs, pairs[:0]))
-    assert (bool(parts) and len(sheets.cells_of_sheets(parts)) > 0) == sheet
+            weight[ids[found.cells[own]]] = found.weight[own]
+            alike = ids[found.alike]
+            pairs.append(alike[np.isin(alike, part).any(axis=1)])
+    one, other = np.concatenate([np.empty((0, 2), dtype=int), *pairs]).T
+    both = (weight[one] > 0) & (weight[other] > 0)
+    label = connected_parts(n, one[both], other[both])
+    assert (np.bincount(label, weight).max() >= 1.0) == sheet
     assert (coherent(whole) is not None) == sheet
 
 
