@@ -11,12 +11,12 @@ from dvr_cli.api.boundary import Moves
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.share_selection import masks_of, regions_of_kinds
 from dvr_cli.boundary.freedom import interior_freedom
-from dvr_cli.distributed.layers import Layers, layers_among
-from dvr_cli.distributed.orientation import mirrored_of, of_cells
+from dvr_cli.distributed.layers import Layers, among_cells, layers_among, may_have_layers
+from dvr_cli.distributed.orientation import mirrored_of
 from dvr_cli.distributed.ranks import agree
 from dvr_cli.distributed.share_quality import View
 from dvr_cli.distributed.shared_parts import Share, share_of
-from dvr_cli.distributed.shares import CellRows, Local, Store
+from dvr_cli.distributed.shares import Local, Store
 from dvr_cli.distributed.sliding import sliding
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.corners import Corners
@@ -25,10 +25,6 @@ from dvr_cli.mesh.orientation import are_alike
 from dvr_cli.mesh.region_choice import NONE, Divider, RegionChoice
 from dvr_cli.quality.mean_ratio import DEGENERATE, corner_qualities
 from dvr_cli.quality.stretching import REACH, held_by
-
-
-class NeedsAll(Exception):
-    """Only a rank that has the whole mesh can tell."""
 
 
 class Work(NamedTuple):
@@ -77,28 +73,18 @@ def prepared(comm: Any, store: Store, work: Work, backend: Any) -> Mine | None:
         return None
     if work.once and not agree(comm, not _has_repeated(store)):
         return None
-    looks, looked, layers = work.options.shape == "auto", False, None
     try:
-        if looks and comm.size > 1:
-            looked, layers = _layers(comm, store, backend)
         regions, dividers = regions_of_kinds(comm, store, work.options.region_choice)
-    except (NeedsAll, UsageError):  # the leading rank will say so
+    except UsageError:  # the leading rank will say so
         return None
     local = store.local(store.cells, store.lower)
     oriented = _oriented(comm, store, local, regions, backend)
     if oriented is None:
         return None
     domain, mirrored, quality = oriented
-    owned = store.owned(store.cells.cells)
-    try:
-        if looks and comm.size == 1:  # it has all there is
-            layers = layers_among(comm, store, store.cells, local, domain, quality)
-        elif looks and not looked:
-            looked, layers = _layers(comm, store, backend, mirrored)
-            if not looked:
-                return None
-    except NeedsAll:
-        return None
+    owned, layers = store.owned(store.cells.cells), None
+    if work.options.shape == "auto":
+        layers = _layers(comm, store, local, domain, mirrored, quality)
     held = np.zeros(len(local.number), dtype=bool)
     if layers is not None:
         held = store.as_owned(local, held_by(domain, layers.kept, quality))
@@ -180,20 +166,18 @@ def per_cell(regions: np.ndarray, local: Local) -> RegionChoice:
 
 
 def _layers(
-    comm: Any, store: Store, backend: Any, mirrored: np.ndarray | None = None
-) -> tuple[bool, Layers | None]:
-    """False if it could not be found out what is kept; and that. mirrored: see ``Mine``.
-
-    It cannot where cells are not positive and ``mirrored`` is not given. Raises NeedsAll, on all ranks.
-    """
-    cells = store.within(REACH)
-    none = CellRows(*(column[:0] for column in store.lower))
-    local = store.local(cells, none)
-    turned = None if mirrored is None else of_cells(store, mirrored, cells)
-    domain = domain_of(local.mesh, backend=backend, mirrored=turned)
-    if not agree(comm, not len(domain.repeated)):
-        raise NeedsAll
-    quality = corner_qualities(domain.points, domain.corners, backend)
-    if mirrored is None and not agree(comm, bool((quality > DEGENERATE).all())):
-        return False, None
-    return True, layers_among(comm, store, cells, local, domain, quality)
+    comm: Any,
+    store: Store,
+    local: Local,
+    domain: Domain,
+    mirrored: np.ndarray | None,
+    quality: np.ndarray,
+) -> Layers | None:
+    """The cells that are kept, None if there are none; the arguments: see ``Mine`` and ``_oriented``."""
+    if not may_have_layers(comm, store, local, domain, mirrored, quality):
+        return None
+    cells = store.cells
+    if comm.size > 1:  # else it has all there is
+        cells = store.within(REACH)
+        local, domain, quality = among_cells(store, cells, mirrored, domain.backend)
+    return layers_among(comm, store, cells, local, domain, quality)

@@ -10,15 +10,27 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dvr_cli.backend import Backend
 from dvr_cli.distributed.labels import labels_of_parts, sums_of_parts
 from dvr_cli.distributed.orientation import of_cells, owner_of_cells
 from dvr_cli.distributed.ranks import agree
 from dvr_cli.distributed.rows import sent
 from dvr_cli.distributed.shares import CellRows, Local, Store
-from dvr_cli.mesh.domain import Domain
+from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.orientation import connected_parts
+from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.sheets import Inside
-from dvr_cli.quality.stretching import aspects_of, inside_sheets_of, seeds_among
+from dvr_cli.quality.stretching import (
+    REACH,
+    aspects_of,
+    has_flat,
+    inside_sheets_of,
+    seeds_among,
+    seeds_near,
+    stretched_among,
+)
+
+_FEW = 2000  # of so many vertices one may be stretched: more and it is no longer quicker to look there alone
 
 
 class Layers(NamedTuple):
@@ -27,6 +39,40 @@ class Layers(NamedTuple):
     kept: np.ndarray
     number: int
     max_aspect: float
+
+
+def may_have_layers(
+    comm: Any, store: Store, local: Local, domain: Domain, mirrored: np.ndarray | None, quality: np.ndarray
+) -> bool:
+    """False, on all ranks, only where nothing is kept: seen without the cells of others, but for few of them.
+
+    local, domain: of the rank's cells, of which ``mirrored`` ((c,) bool) are stored inside out, None where
+    their measures say so. quality: (C,) of the corners.
+    """
+    own = store.owner(local.number) == comm.rank
+    stretched = local.number[stretched_among(domain, own, quality)]
+    found = comm.allgather((len(stretched), has_flat(domain, quality)))
+    number = sum(each for each, _ in found)
+    if any(flat for _, flat in found) or number * _FEW > store.size:
+        return True
+    if number == 0:
+        return False
+    near = store.near(stretched, 3 + REACH)
+    local, domain, quality = among_cells(store, near, mirrored, domain.backend)
+    return not agree(comm, not len(seeds_near(domain, np.isin(local.number, stretched), quality)))
+
+
+def among_cells(
+    store: Store, cells: CellRows, mirrored: np.ndarray | None, backend: Backend
+) -> tuple[Local, Domain, np.ndarray]:
+    """Some cells as a mesh, without lower ones, its domain, and (C,) the quality of its corners.
+
+    mirrored: (c,) bool, of ``Store.cells``, as above.
+    """
+    local = store.local(cells, CellRows(*(column[:0] for column in store.lower)))
+    turned = None if mirrored is None else of_cells(store, mirrored, cells)
+    domain = domain_of(local.mesh, backend=backend, mirrored=turned)
+    return local, domain, corner_qualities(domain.points, domain.corners, backend)
 
 
 def layers_among(

@@ -194,6 +194,16 @@ class Store:
             found = _each_once([found, more])
         return found
 
+    def near(self, numbers: np.ndarray, steps: int) -> CellRows:
+        """All cells that some vertices lead to in so many steps, each to all cells of the vertices known."""
+        known, parts = numbers[:0], []
+        for _ in range(steps):
+            known = np.concatenate([known, numbers])
+            parts.append(self.around(numbers))
+            numbers = distinct(parts[-1].cells.ravel())
+            numbers = numbers[~np.isin(numbers, known)]
+        return _each_once(parts)
+
     def owned(self, cells: np.ndarray) -> np.ndarray:
         """(c,) bool, those of some cells, by number, that this rank owns: of their lowest vertex."""
         return self._owns(reduce(np.minimum, cells.T))  # by columns, as rows are short
@@ -262,7 +272,8 @@ class Store:
         order = np.argsort(to, kind="stable")
         ranks = np.arange(1, self.comm.size)
         wanted = swapped(self.comm, np.split(numbers[order], np.searchsorted(to[order], ranks)))
-        return _each_once(swapped(self.comm, [self._with(cells, some) for some in wanted]))
+        near = self._with(cells, np.concatenate(wanted))  # few, as a rule, for each to be looked for in
+        return _each_once(swapped(self.comm, [self._with(near, some) for some in wanted]))
 
     def _with(self, cells: CellRows, numbers: np.ndarray) -> CellRows:
         """Of some cells of this rank those with one of some of its vertices."""

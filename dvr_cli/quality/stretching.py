@@ -96,6 +96,35 @@ def held_by(domain: Domain, kept: np.ndarray, quality: np.ndarray) -> np.ndarray
     return cells.with_vertices(kept) & ~cells.with_vertices(~positive)
 
 
+def stretched_among(domain: Domain, among: np.ndarray, quality: np.ndarray) -> np.ndarray:
+    """(N,) bool: the vertices within two rings of which there may be seeds.
+
+    among: (N,) bool, those that are asked about. domain: all cells of these. quality: (C,) of its corners.
+    The third average in a cell is one of those at vertices so near. So where parts of a mesh find none, and
+    have all its vertices among them, it has no seed.
+    """
+    corners = domain.corners
+    parts = corners.vertices, corners.shapes, corners.start, roots(corners.table)
+    positive, _ = _shaped(domain, quality)
+    return domain.backend.twin(stretched_vertices)(domain.points, *parts, quality, positive, among)
+
+
+def seeds_near(domain: Domain, stretched: np.ndarray, quality: np.ndarray) -> np.ndarray:
+    """The seeds of what is kept, by number, within two rings of ``stretched`` vertices ((N,) bool).
+
+    domain: all cells that these lead to in 3 + REACH steps. quality: (C,) of its corners.
+    """
+    reached = within_rings([block.vertices for block in domain.cells], stretched, 2)
+    corners = domain.corners
+    among = corners.by_cell(np.logical_or, corners.with_vertex_in(reached))
+    return seeds_among(domain, among, quality)
+
+
+def has_flat(domain: Domain, quality: np.ndarray) -> bool:
+    """True if there are flat cells of types that make sheets; quality: (C,) of the corners."""
+    return _flat(domain, quality) is not None
+
+
 def seeds_among(domain: Domain, among: np.ndarray, quality: np.ndarray) -> np.ndarray:
     """The seeds of what is kept, by number, of the cells marked in ``among`` ((n,) bool).
 
@@ -112,7 +141,18 @@ def inside_sheets_of(domain: Domain, quality: np.ndarray) -> Inside | None:
 
     quality: (C,) of the corners. None if there are none; tetrahedra make no sheets.
     """
-    from dvr_cli.quality.sheets import able, inside_sheets
+    from dvr_cli.quality.sheets import inside_sheets
+
+    found = _flat(domain, quality)
+    return None if found is None else inside_sheets(domain.cells, *found)
+
+
+def _flat(domain: Domain, quality: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """(n,) bool, the flat cells of types that make sheets, and (n, k) L of these; None if there are none.
+
+    quality: (C,) of the corners.
+    """
+    from dvr_cli.quality.sheets import able
 
     possible = able(domain.cells)
     if possible.any():
@@ -121,7 +161,7 @@ def inside_sheets_of(domain: Domain, quality: np.ndarray) -> Inside | None:
         return None
     stretching = _Cells(domain).from_corners(_stretching(domain.points, domain.corners, possible))
     flat = possible & (_log_aspect(stretching) >= np.log(SEED))
-    return inside_sheets(domain.cells, flat, stretching) if flat.any() else None
+    return (flat, stretching) if flat.any() else None
 
 
 def _shaped(domain: Domain, quality: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -267,6 +307,28 @@ def candidates(
     for _ in range(3):
         most = averaged(most, vertices, start, len(points))
     return most[:, 0] >= np.log(SEED)
+
+
+def stretched_vertices(
+    points: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
+    start: np.ndarray,
+    root: np.ndarray,
+    quality: np.ndarray,
+    positive: np.ndarray,
+    asked: np.ndarray,
+) -> np.ndarray:
+    """(N,) bool: of the vertices ``asked`` ((N,) bool) all those around which the average of L has an aspect
+    of SEED; which others are there makes no difference.
+
+    So twins may differ here, too. The other arguments are those of ``candidates``.
+    """
+    most = np.add.reduceat(largest_log_aspect(quality, vertices.shape[1] - 1), start[:-1]) / np.diff(start)
+    corner = np.repeat(np.where(positive, most, 0.0), np.diff(start))
+    count = np.bincount(vertices.ravel(), minlength=len(points))
+    total = np.bincount(vertices.ravel(), np.repeat(corner, vertices.shape[1]), len(points))
+    return asked & (count > 0) & (total >= np.log(SEED) * (1.0 - 1e-9) * count)
 
 
 def roots(table: ShapeTable) -> np.ndarray:

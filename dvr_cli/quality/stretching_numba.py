@@ -79,6 +79,30 @@ def candidates(
 
 
 @compiled_by_kind
+def stretched_vertices(
+    points: np.ndarray,
+    vertices: np.ndarray,
+    shapes: np.ndarray,
+    start: np.ndarray,
+    root: np.ndarray,
+    quality: np.ndarray,
+    positive: np.ndarray,
+    asked: np.ndarray,
+) -> np.ndarray:
+    """As ``stretching.stretched_vertices``, of these only those that averages of L to a few digits leave."""
+    n, n_points = len(start) - 1, len(points)
+    count, by_quality = np.zeros(n_points), np.zeros(n_points)
+    _sum_allowed(vertices, start, quality, positive, count, by_quality)
+    rings = np.full(n_points, _FAR, dtype=np.int8)
+    for vertex in range(n_points):
+        if asked[vertex] and by_quality[vertex] >= _LEVEL * count[vertex] and count[vertex] > 0.0:
+            rings[vertex] = 0
+    mesh = _Arrays(points, vertices, shapes, start, root, quality, positive)
+    _narrow(mesh, np.arange(n), rings, count)
+    return rings == 0
+
+
+@compiled_by_kind
 def _likely(
     points: np.ndarray, mesh: _Arrays, count: np.ndarray, by_quality: np.ndarray, result: np.ndarray
 ) -> np.ndarray:
@@ -99,20 +123,8 @@ def _likely(
     near = np.flatnonzero(least < _FAR)
     for vertex in range(n_points):  # from now on rings are counted from vertices with such an average
         rings[vertex] = 0 if rings[vertex] <= 2 and by_quality[vertex] >= _LEVEL else _FAR
-    bounds = np.zeros((n_points, 4 if PLANAR else 13))
-    _sum_bounds(mesh, near, rings, bounds)
-    found = False
-    for vertex in range(n_points):
-        if rings[vertex] == 0 and _bound(bounds[vertex], count[vertex]) < _LEVEL:
-            rings[vertex] = _FAR
-        found = found or rings[vertex] == 0
-    parts = 3 if PLANAR else 6
-    total = np.zeros((n_points, parts))
+    found = _narrow(mesh, near, rings, count)
     if found:
-        _sum_stretching(mesh, near, rings, total)
-        for vertex in range(n_points):
-            if rings[vertex] == 0 and _log_aspect(total[vertex]) < _LEVEL * count[vertex]:
-                rings[vertex] = _FAR
         least[:] = _FAR
         for ring in range(3):
             _spread(vertices, start, near, rings, least, ring)
@@ -124,7 +136,8 @@ def _likely(
         return np.zeros(n, dtype=np.bool_)
     for ring in range(3, 6):
         _spread(vertices, start, near, rings, least, ring)
-    total[:] = 0.0
+    parts = 3 if PLANAR else 6
+    total = np.zeros((n_points, parts))
     _sum_stretching(mesh, near, rings, total)
     _divide(total, count)
     for away in (4, 3):
@@ -156,16 +169,7 @@ def _allowed_by_quality(
     n, n_points = len(start) - 1, len(points)
     width = 3 if PLANAR else 4
     result = np.zeros(n, dtype=np.bool_)
-    for cell in range(n):
-        value = 0.0
-        if positive[cell]:
-            for c in range(start[cell], start[cell + 1]):
-                value += _allowed_log_aspect(quality[c])
-            value /= start[cell + 1] - start[cell]
-        for c in range(start[cell], start[cell + 1]):
-            for k in range(width):
-                first[vertices[c, k]] += value
-                count[vertices[c, k]] += 1.0
+    _sum_allowed(vertices, start, quality, positive, count, first)
     total = first
     for average in range(3):
         largest = 0.0
@@ -189,6 +193,58 @@ def _allowed_by_quality(
                     following[vertices[c, k]] += value
         total = following
     return result
+
+
+@part
+def _sum_allowed(
+    vertices: np.ndarray,
+    start: np.ndarray,
+    quality: np.ndarray,
+    positive: np.ndarray,
+    count: np.ndarray,
+    total: np.ndarray,
+) -> None:
+    """Fill ``total`` (N,) with the sum of ln α that the qualities of a vertex's cells allow.
+
+    count: (N,), filled with the number of corners of each vertex.
+    """
+    for cell in range(len(start) - 1):
+        value = 0.0
+        if positive[cell]:
+            for c in range(start[cell], start[cell + 1]):
+                value += _allowed_log_aspect(quality[c])
+            value /= start[cell + 1] - start[cell]
+        for c in range(start[cell], start[cell + 1]):
+            for k in range(3 if PLANAR else 4):
+                total[vertices[c, k]] += value
+                count[vertices[c, k]] += 1.0
+
+
+@part
+def _narrow(mesh: _Arrays, cells: np.ndarray, rings: np.ndarray, count: np.ndarray) -> bool:
+    """Make ``rings`` (N,) _FAR where it is 0 and the average of L around the vertex, to a few digits, is less
+    than _LEVEL; True if it is 0 anywhere still.
+
+    cells: all those of the vertices where it is not _FAR. count: (N,) the number of corners of each.
+    """
+    n_points = len(rings)
+    bounds = np.zeros((n_points, 4 if PLANAR else 13))
+    _sum_bounds(mesh, cells, rings, bounds)
+    found = False
+    for vertex in range(n_points):
+        if rings[vertex] == 0 and _bound(bounds[vertex], count[vertex]) < _LEVEL:
+            rings[vertex] = _FAR
+        found = found or rings[vertex] == 0
+    if not found:
+        return False
+    found = False
+    total = np.zeros((n_points, 3 if PLANAR else 6))
+    _sum_stretching(mesh, cells, rings, total)
+    for vertex in range(n_points):
+        if rings[vertex] == 0 and _log_aspect(total[vertex]) < _LEVEL * count[vertex]:
+            rings[vertex] = _FAR
+        found = found or rings[vertex] == 0
+    return found
 
 
 @inlined

@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from dvr_cli.cli.main import main
 from dvr_cli.cli.progress import Progress
-from dvr_cli.distributed import tangle
+from dvr_cli.distributed import layers, tangle
 from dvr_cli.distributed.member import Member
 from dvr_cli.distributed.share_engine import ShareEngine
 from dvr_cli.files import reading
@@ -83,6 +83,7 @@ if "in shares" in fault:
     fault.remove("in shares")
     reading.open_mesh = not_read
     tangle._REACH = 1  # so that it does not suffice
+    layers._FEW = 0  # so that seeds are looked for around vertices first
 if "in part" in fault:
     fault.remove("in part")
     tangle._untangled = small(tangle._untangled)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import logm
 
-from dvr_cli.backend import COMPILED
+from dvr_cli.backend import COMPILED, NUMPY
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.orientation import connected_parts
@@ -316,6 +316,35 @@ def test_parts_of_a_mesh_have_its_seeds():
     assert 0 < sum(found) < len(found)
     flat = domain_of(delaunay(500, 3, 0, 0.05))
     assert not len(seeds_among(flat, np.ones(len(flat.cell_ids), dtype=bool), _qualities(flat)))
+
+
+@pytest.mark.parametrize("backend", [NUMPY, COMPILED], ids=["numpy", "numba"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_vertex_in_whose_cells_stretching_is_large_on_average_is_found(kind, backend):
+    """Against the averages themselves, of those asked about only; compiled no others but for digits."""
+    if backend is COMPILED:
+        require("numba")
+    found = 0
+    for seed, power in ((0, 2.0), (1, 3.0), (2, 5.0), (3, 8.0)):
+        domain = domain_of(squeezed(kind, seed, power, 0.6))
+        corners, quality = domain.corners, _qualities(domain)
+        positive = corners.by_cell(np.minimum, quality) > FORMED[domain.dimension]
+        cells = stretching._Cells(domain)
+        tensor = cells.from_corners(stretching._stretching(domain.points, corners, positive))
+        average = np.zeros((len(domain.points), tensor.shape[1]))
+        rows, cell = corners.vertices, np.repeat(np.arange(len(tensor)), np.diff(corners.start))
+        np.add.at(average, rows, tensor[cell][:, None])
+        average /= np.maximum(np.bincount(rows.ravel(), minlength=len(average)), 1)[:, None]
+        aspect = stretching._log_aspect(average)
+        asked = np.random.default_rng(seed).random(len(average)) < 0.7
+        parts = rows, corners.shapes, corners.start, stretching.roots(corners.table), quality, positive
+        stretched = backend.twin(stretching.stretched_vertices)(domain.points, *parts, asked)
+        assert stretched[asked & (aspect >= np.log(stretching.SEED))].all()
+        assert not stretched[~asked].any()
+        if backend is COMPILED:
+            assert not stretched[aspect < np.log(stretching.LIKELY) - 0.01].any()
+        found += stretched.sum()
+    assert found > 0
 
 
 @pytest.mark.parametrize("kind", ["triangle", "quad", "hexahedron", "wedge"])
