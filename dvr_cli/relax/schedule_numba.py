@@ -6,6 +6,8 @@ import numpy as np
 
 from dvr_cli.jit import compiled, part
 
+_WAITED_FOR = np.uint64(1 << 63)
+
 
 @compiled
 def levels(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence: np.ndarray) -> np.ndarray:
@@ -54,28 +56,55 @@ def colour_ready(
     colour: np.ndarray,
 ) -> None:
     """As ``schedule.colour_ready``."""
-    width = vertices.shape[1]
-    most = 1
+    bit = np.empty(len(colour), dtype=np.uint64)  # of the colours below 63; the last: there is none yet
+    for vertex in range(len(colour)):
+        bit[vertex] = _bit_of(colour[vertex]) if colour[vertex] >= 0 else _WAITED_FOR
     for position in sequence:
-        most = max(most, (start[position + 1] - start[position]) * width + 1)
-    taken_by = np.full(most, -1, dtype=np.int64)  # the last position that found a colour taken
-    for position in sequence:
-        vertex, waits = own[position], False
+        vertex, taken = own[position], np.uint64(0)
         for entry in range(start[position], start[position + 1]):
-            for k in range(width):
+            for k in range(vertices.shape[1]):
                 other = vertices[corner[entry], k]
-                if turn[other] < turn[vertex]:
-                    if colour[other] < 0:
-                        waits = True
-                    elif colour[other] < most:
-                        taken_by[colour[other]] = position
-            if waits:
-                break
-        if not waits:
-            free = 0
-            while taken_by[free] == position:
-                free += 1
-            colour[vertex] = free
+                taken |= bit[other] if turn[other] < turn[vertex] else np.uint64(0)
+        if taken & _WAITED_FOR:
+            continue
+        free = 0
+        while free < 63 and taken >> np.uint64(free) & np.uint64(1):
+            free += 1
+        if free == 63:
+            entries = start[position], start[position + 1]
+            free = _first_free_before(vertex, entries, corner, vertices, turn, colour)
+        colour[vertex], bit[vertex] = free, _bit_of(free)
+
+
+@part
+def _bit_of(colour: int) -> np.uint64:
+    """The bit of a colour below 63, zero of others."""
+    return np.uint64(1) << np.uint64(colour) if colour < 63 else np.uint64(0)
+
+
+@part
+def _first_free_before(
+    vertex: int,
+    entries: tuple[int, int],
+    corner: np.ndarray,
+    vertices: np.ndarray,
+    turn: np.ndarray,
+    colour: np.ndarray,
+) -> int:
+    """The first colour that no vertex with an earlier turn has.
+
+    entries: from where to where the entries are of whose corners they are.
+    """
+    start, stop = entries
+    taken = np.zeros((stop - start) * vertices.shape[1] + 1, dtype=np.bool_)
+    for entry in range(start, stop):
+        for other in vertices[corner[entry]]:
+            if turn[other] < turn[vertex] and colour[other] < len(taken):
+                taken[colour[other]] = True
+    free = 0
+    while taken[free]:
+        free += 1
+    return free
 
 
 @part
