@@ -179,5 +179,7 @@ def _layers(
     cells = store.cells
     if comm.size > 1:  # else it has all there is
         cells = store.within(REACH)
-        local, domain, quality = among_cells(store, cells, mirrored, domain.backend)
+        among = among_cells(store, cells, mirrored, domain.backend)
+        assert among is not None  # as each rank has cells
+        local, domain, quality = among
     return layers_among(comm, store, cells, local, domain, quality)

@@ -58,21 +58,31 @@ def may_have_layers(
     if number == 0:
         return False
     near = store.near(stretched, 3 + REACH)
-    local, domain, quality = among_cells(store, near, mirrored, domain.backend)
-    return not agree(comm, not len(seeds_near(domain, np.isin(local.number, stretched), quality)))
+    among, seeds = among_cells(store, near, mirrored, domain.backend), 0
+    if among is not None:
+        seeds = len(seeds_near(among.domain, np.isin(among.local.number, stretched), among.quality))
+    return not agree(comm, seeds == 0)
 
 
-def among_cells(
-    store: Store, cells: CellRows, mirrored: np.ndarray | None, backend: Backend
-) -> tuple[Local, Domain, np.ndarray]:
-    """Some cells as a mesh, without lower ones, its domain, and (C,) the quality of its corners.
+class Among(NamedTuple):
+    """Some cells as a mesh, without lower ones, its domain, and (C,) the quality of its corners."""
+
+    local: Local
+    domain: Domain
+    quality: np.ndarray
+
+
+def among_cells(store: Store, cells: CellRows, mirrored: np.ndarray | None, backend: Backend) -> Among | None:
+    """Some cells as a mesh, on all ranks together; None on those where there are none.
 
     mirrored: (c,) bool, of ``Store.cells``, as above.
     """
     local = store.local(cells, CellRows(*(column[:0] for column in store.lower)))
     turned = None if mirrored is None else of_cells(store, mirrored, cells)
+    if not len(cells.ids):
+        return None
     domain = domain_of(local.mesh, backend=backend, mirrored=turned)
-    return local, domain, corner_qualities(domain.points, domain.corners, backend)
+    return Among(local, domain, corner_qualities(domain.points, domain.corners, backend))
 
 
 def layers_among(
