@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dvr_cli.api.options import SmoothOptions
-from dvr_cli.api.share_setup import Mine, per_cell, with_held
+from dvr_cli.api.share_setup import Mine, per_cell
 from dvr_cli.api.smoothing import freer
 from dvr_cli.distributed.job import LEAD
 from dvr_cli.distributed.orientation import of_cells
@@ -43,20 +43,18 @@ def limit_of_whole(
     near = store.local(cells, store.lower_around(named))
     mirrored = None if mine.mirrored is None else of_cells(store, mine.mirrored, cells)
     d = points.shape[1]
-    flags = np.stack([domain.interior, share.relaxed, mine.movable, mine.held, *mine.masks.values()], axis=1)
-    kept = None if mine.layers is None else of_cells(store, mine.layers.kept, cells)
+    flags = np.stack([domain.interior, share.relaxed, mine.movable, *mine.masks.values()], axis=1)
+    targets = mine.targets.around(store, local, cells, near)
     around, _ = store.of_others(near.number, store.rows_of(local, np.hstack([points, flags])))
     if comm.rank != LEAD:
         return None
     # two vertices more, of no cell, so that the mesh is as large as the whole
     corners = np.stack([store.low, store.high])
     small = replace(near.mesh, points=np.concatenate([near.mesh.points, corners]))
-    interior, relaxed, movable, held, *masks = np.pad(around[:, d:].T > 0.0, ((0, 0), (0, 2)))
-    free = np.logical_and.reduce([~held, *masks])
+    interior, relaxed, movable, *masks = np.pad(around[:, d:].T > 0.0, ((0, 0), (0, 2)))
+    free = np.logical_and.reduce([~np.pad(targets.held, (0, 2)), *masks])
     of_small = domain_of(small, regions=per_cell(mine.regions, near), mirrored=mirrored)
-    of_small = replace(of_small, interior=interior, cell_ids=near.cells)
-    if kept is not None:
-        of_small = replace(of_small, corners=with_held(of_small.corners, kept, held)[0])
+    of_small = targets.on(replace(of_small, interior=interior, cell_ids=near.cells))
     not_chosen = {name: movable & ~mask for name, mask in zip(mine.masks, masks, strict=True)}
     return limit_of(
         of_small,

@@ -11,10 +11,11 @@ from dvr_cli.api.boundary import Moves
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.share_selection import masks_of, regions_of_kinds
 from dvr_cli.boundary.freedom import interior_freedom
-from dvr_cli.distributed.layers import Layers, among_cells, layers_among, may_have_layers
+from dvr_cli.distributed.layers import Layers, among_cells, layers_among, may_have_layers, own_shapes_of
 from dvr_cli.distributed.orientation import mirrored_of
 from dvr_cli.distributed.ranks import agree
 from dvr_cli.distributed.share_quality import View
+from dvr_cli.distributed.share_targets import ShareTargets
 from dvr_cli.distributed.shared_parts import Share, share_of
 from dvr_cli.distributed.shares import Local, Store
 from dvr_cli.distributed.sliding import sliding
@@ -48,8 +49,8 @@ class Mine(NamedTuple):
 
     mirrored: (c,) bool, the cells stored inside out, None where their measures say so. regions: (kinds,) of
     the cells of each kind; dividers: what tells them apart. movable: (n,) bool, vertices that could move, and
-    masks: for each criterion those that it lets move, right for those of the rank. layers: what is kept, and
-    held: (n,) bool, the vertices that stay for its sake.
+    masks: for each criterion those that it lets move, right for those of the rank. layers: what is kept;
+    targets: what the corners of the domain are measured against for that, and plain: with ideal ones.
     """
 
     local: Local
@@ -63,7 +64,8 @@ class Mine(NamedTuple):
     share: Share
     view: View
     layers: Layers | None
-    held: np.ndarray
+    targets: ShareTargets
+    plain: Corners
 
 
 def prepared(comm: Any, store: Store, work: Work, backend: Any) -> Mine | None:
@@ -88,10 +90,10 @@ def prepared(comm: Any, store: Store, work: Work, backend: Any) -> Mine | None:
     held = np.zeros(len(local.number), dtype=bool)
     if layers is not None:
         held = store.as_owned(local, held_by(domain, layers.kept, quality))
-        corners, all_held = with_held(domain.corners, layers.kept, held)
-        if not agree(comm, all_held):
-            return None  # some need a row in the table of targets
-        domain = replace(domain, corners=corners)
+    if work.options.shape == "input":
+        layers = own_shapes_of(comm, domain, owned, quality)
+    targets, plain = ShareTargets(None if layers is None else layers.kept, held), domain.corners
+    domain = targets.on(domain)
     del oriented, quality  # large, and needed no more
     moves = Moves(interior_freedom(domain.interior, domain.dimension), None)
     if work.options.boundary == "slide":
@@ -113,17 +115,8 @@ def prepared(comm: Any, store: Store, work: Work, backend: Any) -> Mine | None:
         return None
     domain = replace(domain, cell_ids=local.cells)
     view = View(domain, owned, share.relaxed, own, local.index[own])
-    return Mine(local, domain, mirrored, regions, dividers, movable, masks, moves, share, view, layers, held)
-
-
-def with_held(corners: Corners, kept: np.ndarray, held: np.ndarray) -> tuple[Corners, bool]:
-    """The corners as ``with_targets`` makes them, and whether those of all kept cells are held.
-
-    kept: (c,) bool, of the cells; held: (n,) bool, the vertices that stay for their sake.
-    """
-    of_kept = np.repeat(kept, np.diff(corners.start))
-    of_held = of_kept & held[corners.vertices].all(axis=1)
-    return replace(corners, held=of_held if of_held.any() else None), bool((of_held == of_kept).all())
+    whole = local, domain, mirrored, regions, dividers, movable, masks, moves
+    return Mine(*whole, share, view, layers, targets, plain)
 
 
 def _has_repeated(store: Store) -> bool:

@@ -7,7 +7,6 @@ leading rank, and with the same result; so whatever is unusual is left to that.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,34 +14,25 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dvr_cli.api.altitudes import lowers_altitude
-from dvr_cli.api.boundary import Moves
 from dvr_cli.api.options import SmoothOptions
-from dvr_cli.api.phases import Run
 from dvr_cli.api.share_limit import limit_of_whole
+from dvr_cli.api.share_run import Hooks, made, tangle_of, weights_needed
 from dvr_cli.api.share_setup import Mine, Work, prepared
 from dvr_cli.api.smoothing import DONE, has_nothing_to_gain, is_worse
-from dvr_cli.api.untangling import reference_quality, untangle_phase
-from dvr_cli.boundary.freedom import interior_freedom
-from dvr_cli.distributed.job import LEAD
+from dvr_cli.api.untangling import untangle_phase
 from dvr_cli.distributed.member import take_turns
 from dvr_cli.distributed.ranks import agree, on_all
 from dvr_cli.distributed.rows import bounds, owner_of, sent
-from dvr_cli.distributed.share_engine import ShareEngine
-from dvr_cli.distributed.share_quality import is_at_least, minima_of, quality_of
+from dvr_cli.distributed.share_quality import quality_of
 from dvr_cli.distributed.share_reading import own_range, read_share, store_of, values_of_tags, with_regions
 from dvr_cli.distributed.share_writing import write_copy
 from dvr_cli.distributed.shares import Store
-from dvr_cli.distributed.tangle import Tangle
 from dvr_cli.errors import DvrError, InputError, UsageError
 from dvr_cli.files.ranges import Ranges
-from dvr_cli.mesh.neighbours import within_rings
 from dvr_cli.mesh.orientation import turned_cells
-from dvr_cli.quality.mean_ratio import element_qualities
-from dvr_cli.quality.measure import Quality
-from dvr_cli.relax.directions import direction_field, restrict_field
+from dvr_cli.relax.directions import direction_field
 from dvr_cli.relax.engines.choice import KINDS
 from dvr_cli.relax.phases import TANGLED
-from dvr_cli.relax.sweeps import Sweep
 from dvr_cli.report.records import MeshSummary, ShapeUse, SmoothReport, summarise
 
 _DIRECTIONS = ("random", "x", "y", "z", "axis", "steepest", "narrowing", "optimal")
@@ -68,13 +58,6 @@ class Task(NamedTuple):
         return Work(self.options, self.engine, self.vector, ranges.counts, ranges.once, ranges.held)
 
 
-class Hooks(NamedTuple):
-    """The functions that tell and ask the leading rank meanwhile, see ``sweeps.relax``."""
-
-    on_sweep: Callable[[Sweep], None] | None = None
-    interrupted: Callable[[], bool] = lambda: False
-
-
 def takes(options: SmoothOptions) -> bool:
     """True if a run with these options needs no rank that has the whole mesh.
 
@@ -88,7 +71,7 @@ def takes(options: SmoothOptions) -> bool:
         and not isinstance(options.region_choice, np.ndarray)
         and options.boundary in ("fixed", "slide")
         and options.order == "coloured"
-        and options.shape in ("auto", "ideal")
+        and options.shape in ("auto", "ideal", "input")
     )
 
 
@@ -160,7 +143,7 @@ def _smoothed(
     comm: Any, store: Store, mine: Mine, work: Work, hooks: Hooks
 ) -> tuple[SmoothReport | None, np.ndarray]:
     """The report, None where the result is not what it should be, and the rank's coordinates reached."""
-    local, domain, moves, share, view = mine.local, mine.domain, mine.moves, mine.share, mine.view
+    local, domain, view = mine.local, mine.domain, mine.view
     options, kind = work.options, KINDS[work.engine]
     try:
         field = direction_field(options.entries, domain, {}, options.seed, options.center, options.axis)
@@ -171,44 +154,31 @@ def _smoothed(
     if untangling is None:
         untangling = options.is_free and options.stopping.max_iterations > 0 and before.inverted > 0
     start = time.perf_counter()
-    engine = ShareEngine(comm, kind, share, options.threads)
-    field = restrict_field(field, moves.freedom, local.index)
-    anywhere = Moves(interior_freedom(moves.freedom.dimension > 0, domain.dimension), None)  # as the field is
-    run = Run(domain, anywhere, engine, options, hooks.on_sweep, _asked(comm, hooks.interrupted), 0.0)
-    reference = before
-    if untangling:
-        run.begin_with(_tangle(store, mine).untangled(_ends(options, hooks.interrupted)))
-        after = quality_of(comm, view, domain.lift(local.mesh.points, run.points), False)
-        reference = reference_quality(after, before)
-    if options.takes_descent and engine.batches:
-        run.descend()
-    run.relax(field)
-    if options.takes_patches:
-        run.relax_patches()
-    if options.takes_polish:
-        run.polish(reference.q1 or 0.0)
-    if options.polish is None and run.polished:
-        reached = domain.lift(local.mesh.points, run.points)
-        minima = minima_of(view, reached), minima_of(view, local.mesh.points)
-        if not is_at_least(comm, *minima):
-            run.undo_polish()
-    points = domain.lift(local.mesh.points, run.points)
-    after = quality_of(comm, view, points, work.vector)
+    weight, spent = None, 0.0
+    while True:
+        run, engine, reference = made(
+            comm, store, mine, work, hooks, field, before, untangling, weight, spent
+        )
+        points = domain.lift(local.mesh.points, run.points)
+        after = quality_of(comm, view, points, work.vector)
+        if is_worse(after, reference) or (options.keeps_altitude and lowers_altitude(after, reference)):
+            return None, points
+        if options.stopping.target is not None or run.stopped_because.cuts_short:
+            break
+        weight = weights_needed(comm, store, mine, points, (before.q1 or 0.0, after.q1 or 0.0), weight)
+        if weight is None:
+            break
+        spent = run.seconds
     seconds = time.perf_counter() - start
-    if is_worse(after, reference) or (options.keeps_altitude and lowers_altitude(after, reference)):
-        return None, points
-    again = options.stopping.target is None and not run.stopped_because.cuts_short
-    if again and _fell_away_from_layers(comm, store, mine, points, before):
-        return None, points  # it is to be made with weights
     left = dict.fromkeys(TANGLED, 0)
     if after.inverted + after.degenerate:
-        left = _tangle(store, mine).left(run.points)
+        left = tangle_of(store, mine).left(run.points)
     if run.untangling is not None:
         run.phases.insert(0, untangle_phase(run.untangling, left))
     unmoved = agree(comm, np.array_equal(points, local.mesh.points))
     plain = None
     if mine.layers is not None:
-        ideal = replace(view, domain=replace(domain, corners=replace(domain.corners, held=None)))
+        ideal = replace(view, domain=replace(domain, corners=mine.plain))
         both = (quality_of(comm, ideal, some, work.vector) for some in (local.mesh.points, points))
         plain = next(both), next(both)
     limited_by = None
@@ -235,46 +205,6 @@ def _smoothed(
         options=options.record() | {"untangle": untangling},
     )
     return report, points
-
-
-def _fell_away_from_layers(comm: Any, store: Store, mine: Mine, points: np.ndarray, before: Quality) -> bool:
-    """True if a cell away from layers has become worse than the worst of them was, see ``weights_needed``."""
-    local, domain = mine.local, mine.domain
-    if mine.layers is None or (before.q1 or 0.0) <= 0.0:
-        return False
-    rows = [block.vertices for block in domain.cells]
-    both = local.mesh.points, points
-    old, new = (element_qualities(domain.flatten(some), domain.corners) for some in both)
-    near = np.zeros(len(local.number), dtype=bool)
-    near[domain.corners.vertices[np.repeat(mine.layers.kept, np.diff(domain.corners.start))]] = True
-    fell = False
-    for rings in range(2):
-        near = store.as_owned(local, within_rings(rows, near, rings))
-        away = mine.view.cells & np.concatenate([~near[block].any(axis=1) for block in rows])
-        least = min(comm.allgather(float(old[away].min(initial=np.inf))))
-        fell |= any(comm.allgather(bool((new[away] < least).any())))
-    return fell
-
-
-def _tangle(store: Store, mine: Mine) -> Tangle:
-    """The mesh as one of which elements may be tangled."""
-    mirrored = np.zeros(len(mine.local.cells), dtype=bool)
-    if mine.mirrored is not None:
-        mirrored = mine.mirrored
-    elif mine.domain.mirrored:
-        mirrored = turned_cells(mine.local.mesh.cells[: len(mine.domain.cells)], mine.domain.cells)
-    return Tangle(store, mine.local, mine.domain, mirrored, mine.moves.freedom, mine.share.relaxed)
-
-
-def _ends(options: SmoothOptions, interrupted: Callable[[], bool]) -> Callable[[], bool]:
-    """The answer of this rank alone to whether it is time to end."""
-    start = time.perf_counter()
-    return lambda: interrupted() or options.stopping.less(time.perf_counter() - start).time_limit == 0
-
-
-def _asked(comm: Any, interrupted: Callable[[], bool]) -> Callable[[], bool]:
-    """The answer of the leading rank, on all ranks."""
-    return lambda: bool(comm.bcast(interrupted() if comm.rank == LEAD else None, LEAD))
 
 
 def _summary(comm: Any, store: Store, mine: Mine, counts: dict[str, int]) -> MeshSummary:

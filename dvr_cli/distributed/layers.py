@@ -29,12 +29,16 @@ from dvr_cli.quality.stretching import (
     seeds_near,
     stretched_among,
 )
+from dvr_cli.quality.targets import FORMED
 
 _FEW = 2000  # of so many vertices one may be stretched: more and it is no longer quicker to look there alone
 
 
 class Layers(NamedTuple):
-    """The cells that are kept: (c,) bool, of ``Store.cells``; the number of all, and their largest aspect."""
+    """The cells that are kept: (c,) bool, of ``Store.cells``; the number of all, and their largest aspect.
+
+    It is 1 where each cell has its own shape as target for no other reason than that it was asked for.
+    """
 
     kept: np.ndarray
     number: int
@@ -110,6 +114,16 @@ def layers_among(
     of_rank = np.zeros(len(store.cells.ids), dtype=bool)
     of_rank[np.searchsorted(store.cells.ids, cells.ids[own])] = kept[own]
     return Layers(of_cells(store, of_rank, store.cells), count, float(np.exp(largest)))
+
+
+def own_shapes_of(comm: Any, domain: Domain, own: np.ndarray, quality: np.ndarray) -> Layers | None:
+    """All positive cells, on all ranks together; None where there are none.
+
+    domain: of the cells of ``Store.cells``, own: (c,) bool, those of the rank; quality: (C,) of the corners.
+    """
+    positive = domain.corners.by_cell(np.minimum, quality) > FORMED[domain.dimension]
+    count = comm.allreduce(int((positive & own).sum()))
+    return Layers(positive, count, 1.0) if count else None
 
 
 def _in_sheets(comm: Any, store: Store, cells: CellRows, own: np.ndarray, found: Inside | None) -> np.ndarray:

@@ -12,6 +12,7 @@ from dvr_cli.boundary.freedom import Freedom
 from dvr_cli.distributed.job import LEAD
 from dvr_cli.distributed.orientation import of_cells
 from dvr_cli.distributed.rows import sent
+from dvr_cli.distributed.share_targets import ShareTargets
 from dvr_cli.distributed.shares import CellRows, Local, Store
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.ranks import distinct
@@ -46,6 +47,7 @@ class Tangle:
 
     local: the cells of the rank, domain: theirs, mirrored: (c,) bool, those stored inside out. freedom: of
     the vertices, right for those that the rank owns. relaxed: (n,) bool, those that move, on whatever rank.
+    targets: of the cells.
     """
 
     store: Store
@@ -54,6 +56,7 @@ class Tangle:
     mirrored: np.ndarray
     freedom: Freedom
     relaxed: np.ndarray
+    targets: ShareTargets
 
     def untangled(self, interrupted: Callable[[], bool]) -> Untangling:
         """The result of ``untangle`` for the whole, with the coordinates of the rank's mesh.
@@ -127,10 +130,11 @@ class Tangle:
         columns = np.column_stack([points, freedom.axis, freedom.dimension, marked])
         values, _ = store.of_others(part.number, store.rows_of(self.local, columns))
         mirrored = of_cells(store, self.mirrored, cells)
+        targets = self.targets.around(store, self.local, cells, part)
         if all_of_them is None:
             return None
         return _Part(
-            domain_of(part.mesh, regions=(NONE,), mirrored=mirrored),
+            targets.on(domain_of(part.mesh, regions=(NONE,), mirrored=mirrored)),
             part.number,
             Freedom(values[:, -2].astype(np.uint8), np.ascontiguousarray(values[:, d : 2 * d])),
             np.ascontiguousarray(values[:, :d]),

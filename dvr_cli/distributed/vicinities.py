@@ -12,7 +12,7 @@ from dvr_cli.backend import Backend
 from dvr_cli.boundary.freedom import Freedom, interior_freedom
 from dvr_cli.distributed.rows import owner_of, swapped
 from dvr_cli.distributed.shared_parts import Share
-from dvr_cli.mesh.corners import ShapeTable
+from dvr_cli.mesh.corners import SHAPES, ShapeTable
 from dvr_cli.mesh.csr import row_entries
 from dvr_cli.mesh.ranks import distinct
 from dvr_cli.mesh.rings import incidence
@@ -24,14 +24,16 @@ from dvr_cli.relax.patches.solver import Patch
 class _Rows(NamedTuple):
     """Some corners and their vertices, by number in the whole.
 
-    ids: (c,) of the corners, vertices: (c, d+1), shapes: (c,). number: (n,) of the vertices, each once,
-    ascending, colour: (n,), -1 for those that are not relaxed, points: (n, d). dimension, axis: (n,), (n, d)
-    of ``Freedom``.
+    ids: (c,) of the corners, vertices: (c, d+1), shapes: (c,). own: the rows of the table that these name
+    beyond those that all ranks have, as the shapes do one after the other; None where they name none.
+    number: (n,) of the vertices, each once, ascending, colour: (n,), -1 for those that are not relaxed,
+    points: (n, d). dimension, axis: (n,), (n, d) of ``Freedom``.
     """
 
     ids: np.ndarray
     vertices: np.ndarray
     shapes: np.ndarray
+    own: ShapeTable | None
     number: np.ndarray
     colour: np.ndarray
     points: np.ndarray
@@ -104,6 +106,8 @@ class Vicinities:
         """engine: of the rank, which has the coordinates."""
         self._comm, self._share, self._engine = comm, share, engine
         problem = share.part.problem
+        table = problem.touched.table
+        self._common = 0 if len(table.factor) else len(SHAPES[problem.dimension].norm)
         anywhere = interior_freedom(np.ones(len(share.number), dtype=bool), problem.components)
         self._freedom = anywhere if share.freedom is None else share.freedom
         self._own = np.sort(problem.rings.vertices)
@@ -148,7 +152,7 @@ class Vicinities:
 
     def _vicinity(self, found: list[_Rows]) -> Vicinity:
         """The vicinity of all that was found."""
-        problem, bounds = self._share.part.problem, self._share.bounds
+        bounds = self._share.bounds
         found = found or [self._with(np.empty(0, dtype=np.int64))]
         number, first = np.unique(np.concatenate([rows.number for rows in found]), return_index=True)
         colour = np.concatenate([rows.colour for rows in found])[first]
@@ -157,7 +161,8 @@ class Vicinities:
         axis = np.concatenate([rows.axis for rows in found])[first]
         ids, first = np.unique(np.concatenate([rows.ids for rows in found]), return_index=True)
         vertices = np.concatenate([rows.vertices for rows in found])[first]
-        shapes = np.concatenate([rows.shapes for rows in found])[first]
+        shapes, table = self._joined(found)
+        shapes = shapes[first]
         order = np.lexsort((ids, vertices.min(axis=1, initial=number[-1] if len(number) else 0)))
         vertices = np.searchsorted(number, vertices[order]).astype(np.int32)
         relaxed = np.flatnonzero(colour >= 0)
@@ -168,7 +173,7 @@ class Vicinities:
             ids=ids[order],
             vertices=vertices,
             shapes=shapes[order],
-            table=problem.touched.table,
+            table=table,
             number=number,
             points=np.ascontiguousarray(points),
             relaxed=relaxed,
@@ -177,6 +182,22 @@ class Vicinities:
             homes=owner[vertices].min(axis=1, initial=self._comm.size),
             backend=self._engine.backend,
         )
+
+    def _joined(self, found: list[_Rows]) -> tuple[np.ndarray, ShapeTable]:
+        """(c,) the shapes of all corners that were found, and the table whose rows they are."""
+        shapes, own = [], []
+        known = self._common
+        for rows in found:
+            shapes.append(rows.shapes)
+            if rows.own is not None:
+                later = rows.shapes + (known - self._common)
+                shapes[-1] = np.where(rows.shapes < self._common, rows.shapes, later)
+                known += len(rows.own.norm)
+                own.append(rows.own)
+        table = self._share.part.problem.touched.table
+        if own:
+            table = table.part(np.arange(self._common)).with_rows(own)
+        return np.concatenate(shapes), table
 
     def _asked(self, numbers: np.ndarray) -> list[_Rows]:
         """The corners with any of these relaxed vertices ((k,) by number, ascending), from their owners."""
@@ -195,10 +216,16 @@ class Vicinities:
         here = distinct(vertices.ravel())
         points = self._engine.coordinates[here]
         number, freedom = share.number[here], self._freedom
+        shapes, own = touched.shapes[corners, 0], None
+        if len(touched.table.norm) > self._common and (beyond := shapes >= self._common).any():
+            own = touched.table.part(shapes[beyond])
+            shapes = shapes.copy()
+            shapes[beyond] = self._common + np.arange(len(own.norm), dtype=shapes.dtype)
         return _Rows(
             self.ids(corners),
             share.number[vertices],
-            touched.shapes[corners, 0],
+            shapes,
+            own,
             number,
             self._colour[here],
             points,

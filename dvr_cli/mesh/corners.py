@@ -14,7 +14,7 @@ once for every choice of origin; a ring then treats all element types alike.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cache
 from itertools import permutations
 
@@ -75,6 +75,13 @@ class ShapeTable:
         return ShapeTable(
             self.matrices[rows], self.norm[rows], self.slope[rows], self.curvature[rows], factor
         )
+
+    def with_rows(self, others: list[ShapeTable]) -> ShapeTable:
+        """The table with the rows of others behind its own."""
+        parts = [self, *others]
+        names = [each.name for each in fields(self)]
+        columns = [np.concatenate([getattr(part, name) for part in parts]) for name in names]
+        return ShapeTable(*columns)
 
     def factors(self, rows: np.ndarray) -> list[np.ndarray] | None:
         """The entries of L of these rows, an array of their shape each; None where the table has no L."""

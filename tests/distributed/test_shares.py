@@ -10,11 +10,15 @@ import pytest
 from test_ranks import cases_of, in_one_process, job, without_times
 from test_ranks import commands_of as commands_for
 
+from dvr_cli.api.away_from_layers import weights_needed
 from dvr_cli.api.options import SmoothOptions
+from dvr_cli.api.shapes import shaped
 from dvr_cli.api.shares import takes
+from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.cli.main import main
 from dvr_cli.files.formats import formats_by_suffix
 from dvr_cli.mesh.cell_types import CELL_TYPES
+from dvr_cli.mesh.domain import domain_of
 from meshes import KINDS, boxes_of, random_mesh, tangled
 from ranged_files import DATA, FILES, MIXED, PLANAR, gmsh_22, gmsh_41, write_ranged
 
@@ -55,6 +59,17 @@ RUNS = (
     ("tetra layered both-ways", "-d random -n 3"),
     ("triangle layered", "-n 2"),
     ("quad layered tangled both-ways", "-n 2 --boundary slide"),
+    ("quad layered beside", "-n 3 --patches"),  # made again with weights
+    ("quad layered beside", "-n 3 --boundary slide"),
+    ("hexahedron layered beside", "-d random -n 3"),  # and once more with others
+    ("hexahedron layered beside", "-n 2 --patches"),
+    ("triangle layered tangled", "-n 2 --patches"),  # cells that are kept move with inverted ones
+    ("tetra layered tangled", "-n 2 --patches"),
+    ("hexahedron layered tangled", "-n 2 --no-patches"),
+    ("tetra layered tangled both-ways", "-d random -n 30 --tol 1e-3 --boundary slide"),
+    ("hexahedron", "--shape input -n 3 --patches"),
+    ("triangle", "--shape input -d random -n 40 --tol 1e-3"),
+    ("tetra tangled", "--shape input -n 2 --patches"),
     ("hexahedron layered sheet", "-d random -n 30 --tol 1e-3 --patches"),
     ("tetra tangled", "-n 2"),
     ("triangle tangled", "-n 2 --patches"),
@@ -115,7 +130,7 @@ def write(folder, name):
         if "tangled" in how:
             mesh = tangled(kind, 5, 0.7, 1)
         if "layered" in how:
-            mesh = layered(kind, "sheet" in how, 0.9 if "tangled" in how else 0.25)
+            mesh = layered(kind, "sheet" in how, 0.9 if "tangled" in how else 0.25, "beside" in how)
         if "crossing" in how:  # of the boundary, a vertex of which is on the other side
             mesh.points[2] += [0.1, 1.0, 0.1][: mesh.points.shape[1]]
         if "hopeless" in how:
@@ -146,14 +161,18 @@ def write(folder, name):
     return path
 
 
-def layered(kind, sheet, noise):
-    """Boxes, flat ones in four rows near the floor or, higher up, in a single one, shaken above."""
+def layered(kind, sheet, noise, beside=False):
+    """Boxes, flat ones in four rows near the floor or, higher up, in a single one, shaken above.
+
+    beside: only where they touch the flat ones.
+    """
     mesh = boxes_of(kind, 8)
     height = mesh.points[:, -1].copy()
     rows = np.rint(height * 8).astype(int)
     levels = np.array([0.0, 0.01, 0.02, 0.03, 0.04, 0.28, 0.52, 0.76, 1.0])
     mesh.points[:, -1] = levels[rows]
     inner = ((mesh.points > 1e-9) & (mesh.points < 1 - 1e-9)).all(axis=1) & (rows > 4)
+    inner &= (rows == 5) | (not beside)
     shake = np.random.default_rng(1).uniform(-noise / 8, noise / 8, mesh.points.shape)
     mesh.points[inner] += shake[inner]
     if sheet:
@@ -195,6 +214,31 @@ def test_the_bytes_and_reports_are_those_of_one_process(tmp_path, on_ranks, rank
     assert "converged" in reasons or every > 1
 
 
+@pytest.mark.parametrize(
+    ("kind", "directions", "runs"), [("quad", "steepest,random", 2), ("hexahedron", "random", 3)]
+)
+def test_some_meshes_with_layers_need_weights(monkeypatch, kind, directions, runs):
+    found = []
+
+    def spy(*arguments):
+        found.append(weights_needed(*arguments))
+        return found[-1]
+
+    monkeypatch.setattr("dvr_cli.api.away_from_layers.weights_needed", spy)
+    options = {"directions": directions, "max_iterations": 3, "patches": False, "engine": "numpy"}
+    smooth_mesh(layered(kind, False, 0.25, beside=True), SmoothOptions.of(options))
+    assert [weight is None for weight in found] == [False] * (runs - 1) + [True]
+
+
+@pytest.mark.parametrize("kind", ["triangle", "tetra"])
+def test_in_some_meshes_cells_that_are_kept_can_move(kind):
+    mesh = layered(kind, False, 0.9)
+    shapes = shaped(domain_of(mesh), "auto")
+    corners = shapes.plain.corners.vertices[np.repeat(shapes.kept_cells, np.diff(shapes.plain.corners.start))]
+    assert shapes.held[corners].any()
+    assert not shapes.held[corners].all()
+
+
 def test_what_is_tangled_goes_to_one_rank_and_no_more(tmp_path, on_ranks):
     mesh, path = boxes_of("triangle", 30), tmp_path / "corner.vtk"
     mesh.points += np.random.default_rng(1).uniform(-0.004, 0.004, mesh.points.shape)
@@ -212,7 +256,7 @@ def test_what_is_tangled_goes_to_one_rank_and_no_more(tmp_path, on_ranks):
 
 @pytest.mark.long
 def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
-    """A mesh with layers beside inverted cells, one with a cell twice: a rank has them whole.
+    """A mesh that is flat as a whole, one with a cell twice: a rank has them whole.
 
     Of Gmsh's files one with a triangle twice, as for each of its groups.
     """
@@ -220,9 +264,7 @@ def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
     flat = tall.points * [1.0, 1.0, 0.02]
     plain = random_mesh("tetra", 1, n=3, noise=0.1)
     twice = np.concatenate([plain.cells[0].vertices, plain.cells[0].vertices[:1]])
-    meshes = {"layers": (flat, tall.cells[0].vertices)}
-    both = layered("tetra", False, 0.6)  # cells are kept beside inverted ones
-    meshes |= {"both": (both.points, both.cells[0].vertices), "twice": (plain.points, twice)}
+    meshes = {"layers": (flat, tall.cells[0].vertices), "twice": (plain.points, twice)}
     commands = []
     for name, (points, cells) in meshes.items():
         meshio.Mesh(points, [("tetra", cells)]).write(tmp_path / f"{name}.vtk")
@@ -236,7 +278,7 @@ def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
     for name in "groups", "volumes", "parametric":
         commands.append(["smooth", str(tmp_path / f"{name}.msh"), f"{name}-out.msh", *commands[-1][3:]])
     done, ends = job(on_ranks, 3, tmp_path, [[*command, "--mpi"] for command in commands])
-    assert (done.stderr, ends) == ("", [0] * 6)
+    assert (done.stderr, ends) == ("", [0] * 5)
     (tmp_path / "alone").mkdir()
     assert in_one_process(tmp_path / "alone", commands) == ends
     for path in (tmp_path / "alone").iterdir():
@@ -328,9 +370,10 @@ def test_runs_that_need_the_whole_mesh_are_not_taken():
     assert takes(SmoothOptions(patches=True))
     assert takes(SmoothOptions(directions="random", polish=True, floor=0.9))
     assert takes(SmoothOptions(boundary="slide"))
+    assert takes(SmoothOptions(shape="input"))
     assert takes(SmoothOptions(fix="a", only="b", below=0.3, vertices=[1], regions="none"))
     others = [{"directions": "radial"}, {"boundary": "project"}]
     others += [{"regions": np.zeros(3, dtype=int)}]
-    others += [{"order": "natural"}, {"shape": "input"}, {"metric": np.ones((3, 3, 3))}]
+    others += [{"order": "natural"}, {"metric": np.ones((3, 3, 3))}]
     for other in others:
         assert not takes(SmoothOptions(**{"directions": "random"} | other)), other
