@@ -39,37 +39,39 @@ class Hooks(NamedTuple):
     interrupted: Callable[[], bool] = lambda: False
 
 
-def made(
-    comm: Any,
-    store: Store,
-    mine: Mine,
-    work: Work,
-    hooks: Hooks,
-    field: DirectionField,
-    before: Quality,
-    untangling: bool,
-    weight: np.ndarray | None,
-    spent: float,
-) -> tuple[Run, ShareEngine, Quality]:
-    """A run of all phases, its engine, and the quality that the result must not be below.
+class Attempt(NamedTuple):
+    """One of the runs that may be needed.
 
-    field: of directions in the whole. before: of the input. weight, spent: see ``smoothing``.
+    field: of directions in the whole. before: the quality of the input. untangling: whether it is untangled
+    first. weight, spent: as in ``smoothing``.
     """
+
+    field: DirectionField
+    before: Quality
+    untangling: bool
+    weight: np.ndarray | None = None
+    spent: float = 0.0
+
+
+def made(
+    comm: Any, store: Store, mine: Mine, work: Work, hooks: Hooks, attempt: Attempt
+) -> tuple[Run, ShareEngine, Quality]:
+    """A run of all phases, its engine, and the quality that the result must not be below."""
     local, domain, moves, view, options = mine.local, mine.domain, mine.moves, mine.view, work.options
     share = mine.share
-    if weight is not None:
-        heavier = replace(domain, corners=weighted(domain.corners, weight))
+    if attempt.weight is not None:
+        heavier = replace(domain, corners=weighted(domain.corners, attempt.weight))
         share = share_of(comm, store, local, heavier, moves.freedom)
     engine = ShareEngine(comm, KINDS[work.engine], share, options.threads)
-    field = restrict_field(field, moves.freedom, local.index)
+    field = restrict_field(attempt.field, moves.freedom, local.index)
     anywhere = Moves(interior_freedom(moves.freedom.dimension > 0, domain.dimension), None)  # as the field is
     asked = _asked(comm, hooks.interrupted)
-    run = Run(domain, anywhere, engine, options, hooks.on_sweep, asked, 0.0, spent)
-    reference = before
-    if untangling:
+    run = Run(domain, anywhere, engine, options, hooks.on_sweep, asked, 0.0, attempt.spent)
+    reference = attempt.before
+    if attempt.untangling:
         run.begin_with(tangle_of(store, mine).untangled(_ends(options, hooks.interrupted)))
         after = quality_of(comm, view, domain.lift(local.mesh.points, run.points), False)
-        reference = reference_quality(after, before)
+        reference = reference_quality(after, attempt.before)
     if options.takes_descent and engine.batches:
         run.descend()
     run.relax(field)

@@ -16,7 +16,7 @@ import numpy as np
 from dvr_cli.api.altitudes import lowers_altitude
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.share_limit import limit_of_whole
-from dvr_cli.api.share_run import Hooks, made, tangle_of, weights_needed
+from dvr_cli.api.share_run import Attempt, Hooks, made, tangle_of, weights_needed
 from dvr_cli.api.share_setup import Mine, Work, prepared
 from dvr_cli.api.smoothing import DONE, has_nothing_to_gain, is_worse
 from dvr_cli.api.untangling import untangle_phase
@@ -154,21 +154,20 @@ def _smoothed(
     if untangling is None:
         untangling = options.is_free and options.stopping.max_iterations > 0 and before.inverted > 0
     start = time.perf_counter()
-    weight, spent = None, 0.0
+    attempt = Attempt(field, before, untangling)
     while True:
-        run, engine, reference = made(
-            comm, store, mine, work, hooks, field, before, untangling, weight, spent
-        )
+        run, engine, reference = made(comm, store, mine, work, hooks, attempt)
         points = domain.lift(local.mesh.points, run.points)
         after = quality_of(comm, view, points, work.vector)
         if is_worse(after, reference) or (options.keeps_altitude and lowers_altitude(after, reference)):
             return None, points
         if options.stopping.target is not None or run.stopped_because.cuts_short:
             break
-        weight = weights_needed(comm, store, mine, points, (before.q1 or 0.0, after.q1 or 0.0), weight)
+        q1s = before.q1 or 0.0, after.q1 or 0.0
+        weight = weights_needed(comm, store, mine, points, q1s, attempt.weight)
         if weight is None:
             break
-        spent = run.seconds
+        attempt = attempt._replace(weight=weight, spent=run.seconds)
     seconds = time.perf_counter() - start
     left = dict.fromkeys(TANGLED, 0)
     if after.inverted + after.degenerate:
