@@ -59,6 +59,14 @@ def cell_data(mesh: Mesh) -> dict[str, list[np.ndarray]]:
     return data | {"at": middle, "load": [rows[:, 0] for rows in middle]}
 
 
+def tensors_at(points: np.ndarray) -> np.ndarray:
+    """(N, 6) the tensors of a metric: drawn out along x, and the more the farther from the origin."""
+    tensors = np.zeros((len(points), 6))
+    tensors[:, :3] = 1.0 + points.sum(axis=1, keepdims=True) * [2.0, 0.0, 0.5]
+    tensors[:, 3] = 0.3
+    return tensors
+
+
 def views(order: str) -> bytes:
     """Fields of a Gmsh file, of some nodes and some elements."""
     found = b"$Comments\nsome words\n$EndComments\n"
@@ -186,6 +194,8 @@ def raw_vtu(path: Path, mesh: Mesh, order: str = "<", on_cells: bool = False) ->
         "offsets": ("Int32", 1, np.cumsum(sizes).astype(f"{order}i4")),
         "types": ("UInt8", 1, types),
     }
+    if on_cells:
+        arrays["metric"] = "Float64", 6, tensors_at(mesh.points).astype(f"{order}f8")
     fields = {name: np.concatenate(values) for name, values in cell_data(mesh).items()} if on_cells else {}
     for name, values in fields.items():
         kind = {"i4": "Int32", "i8": "Int64", "f8": "Float64"}[values.dtype.str[1:]]
@@ -202,7 +212,8 @@ def raw_vtu(path: Path, mesh: Mesh, order: str = "<", on_cells: bool = False) ->
         f'<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{words}" '
         f'header_type="UInt{8 * header.itemsize}">\n<UnstructuredGrid>'
         f'<Piece NumberOfPoints="{len(mesh.points)}" NumberOfCells="{len(types)}">\n'
-        f"<PointData>{tags['u']}</PointData>\n<CellData>{''.join(tags[name] for name in fields)}</CellData>\n"
+        f"<PointData>{tags['u']}{tags.get('metric', '')}</PointData>\n"
+        f"<CellData>{''.join(tags[name] for name in fields)}</CellData>\n"
         f"<Points>{tags['Points']}</Points>\n"
         f"<Cells>{tags['connectivity']}{tags['offsets']}{tags['types']}</Cells>\n"
         '</Piece></UnstructuredGrid>\n<AppendedData encoding="raw">\n_'

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dvr_cli.api.options import SmoothOptions, check_known
-from dvr_cli.api.shares import Hooks, Work, smooth_store, takes
+from dvr_cli.api.shares import Hooks, Work, smooth_store, takes, tensors_among
 from dvr_cli.api.smoothing import smooth_mesh
 from dvr_cli.distributed.dealing import dealt
 from dvr_cli.distributed.gathering import Gathered, Piece, gathered
@@ -107,20 +107,27 @@ def _checked(
 
 def _in_shares(comm: Any, piece: Piece, options: SmoothOptions) -> tuple[np.ndarray, SmoothReport] | None:
     """The result where no rank needs the whole; None on all ranks where one does, or anything is wrong."""
-    arrays = any(isinstance(getattr(options, name), np.ndarray) for name in _BY_ROW)
-    chosen = comm.allgather((None if arrays or not takes(options) else options.record(), piece.count))
+    metric = options.metric if isinstance(options.metric, np.ndarray) else None
+    good = takes(options) and (options.metric is None or metric is not None)
+    kind = None if metric is None else (metric.shape[1:], metric.dtype.str)
+    record = options.record() | {"metric": kind}
+    chosen = comm.allgather((record if good else None, piece.count))
     if chosen[0][0] is None or any(record != chosen[0][0] for record, _ in chosen):
         return None
     with ending_the_job(comm):
-        share = dealt(comm, piece)
+        share = dealt(comm, piece, metric)
     if share is None:
         return None
     of_work = share.store.size, options.stopping.max_iterations, options.takes_patches
-    mesh = MeshKind(planar=share.store.kinds.dimension == 2)
+    mesh = MeshKind(planar=share.store.kinds.dimension == 2, measured=metric is not None)
     engine = comm.bcast(on_all(comm, lambda: choose_engine(options.engine, *of_work, mesh=mesh)).name, LEAD)
     with ending_the_job(comm):
         take_turns(KINDS[engine])
         work = Work(options, engine, False, share.counts, once=False)
+        if share.field is not None:
+            work = work._replace(tensors=tensors_among(comm, share.store, share.field))
+            if work.tensors is None:
+                return None
         done = smooth_store(comm, share.store, work, Hooks())
         if done is None:
             return None

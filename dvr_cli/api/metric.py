@@ -24,6 +24,11 @@ class MetricSource:
     name: str
     values: np.ndarray | None
 
+    @property
+    def is_file(self) -> bool:
+        """True if it is the solution in a file."""
+        return Path(self.name).suffix.lower() in _SUFFIXES
+
     @classmethod
     def of(cls, metric: str | Path | np.ndarray) -> MetricSource:
         """The source that a value of the option names; a file is read. Raises InputError if it cannot be."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,13 +14,13 @@ from dvr_cli.api.share_selection import masks_of, regions_of_kinds
 from dvr_cli.boundary.freedom import interior_freedom
 from dvr_cli.distributed.layers import Layers, among_cells, layers_among, may_have_layers, own_shapes_of
 from dvr_cli.distributed.orientation import mirrored_of
-from dvr_cli.distributed.ranks import agree
+from dvr_cli.distributed.ranks import agree, on_all
 from dvr_cli.distributed.share_quality import View
 from dvr_cli.distributed.share_targets import ShareTargets
 from dvr_cli.distributed.shared_parts import Share, share_of
 from dvr_cli.distributed.shares import Local, Store
 from dvr_cli.distributed.sliding import sliding
-from dvr_cli.errors import UsageError
+from dvr_cli.errors import InputError, UsageError
 from dvr_cli.mesh.corners import Corners
 from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.orientation import are_alike
@@ -33,7 +34,7 @@ class Work(NamedTuple):
 
     engine: the name of a kind. vector: whether the leading rank gets quality vectors. counts: how many cells
     of each type the whole has. once: whether a lower cell that is there twice would have to count once. held:
-    as in ``Ranges``.
+    as in ``Ranges``. tensors: (n, k, k) of a metric, of the vertices that the rank owns, None without one.
     """
 
     options: SmoothOptions
@@ -42,6 +43,7 @@ class Work(NamedTuple):
     counts: dict[str, int]
     once: bool
     held: tuple[tuple[int, int], ...] = ()
+    tensors: np.ndarray | None = None
 
 
 class Mine(NamedTuple):
@@ -49,8 +51,9 @@ class Mine(NamedTuple):
 
     mirrored: (c,) bool, the cells stored inside out, None where their measures say so. regions: (kinds,) of
     the cells of each kind; dividers: what tells them apart. movable: (n,) bool, vertices that could move, and
-    masks: for each criterion those that it lets move, right for those of the rank. layers: what is kept;
-    targets: what the corners of the domain are measured against for that, and plain: with ideal ones.
+    masks: for each criterion those that it lets move, right for those of the rank. layers: what is kept, and
+    max_aspect: the largest aspect of that, or that the metric asks for; targets: what the corners of the
+    domain are measured against for that, and plain: with ideal ones.
     """
 
     local: Local
@@ -64,6 +67,7 @@ class Mine(NamedTuple):
     share: Share
     view: View
     layers: Layers | None
+    max_aspect: float
     targets: ShareTargets
     plain: Corners
 
@@ -85,15 +89,21 @@ def prepared(comm: Any, store: Store, work: Work, backend: Any) -> Mine | None:
         return None
     domain, mirrored, quality = oriented
     owned, layers = store.owned(store.cells.cells), None
-    if work.options.shape == "auto":
+    shape = "metric" if work.tensors is not None else work.options.shape
+    if shape == "auto":
         layers = _layers(comm, store, local, domain, mirrored, quality)
     held = np.zeros(len(local.number), dtype=bool)
     if layers is not None:
         held = store.as_owned(local, held_by(domain, layers.kept, quality))
-    if work.options.shape == "input":
+    if shape == "input":
         layers = own_shapes_of(comm, domain, owned, quality)
-    targets, plain = ShareTargets(None if layers is None else layers.kept, held), domain.corners
-    domain = targets.on(domain)
+    tensors = None if work.tensors is None else store.of_others(local.number, work.tensors)[0]
+    targets, plain = ShareTargets(None if layers is None else layers.kept, held, tensors), domain.corners
+    try:
+        domain, asked_for = on_all(comm, partial(targets.on, domain))
+    except InputError:  # the leading rank will say so
+        return None
+    max_aspect = max(comm.allgather(asked_for)) if layers is None else layers.max_aspect
     del oriented, quality  # large, and needed no more
     moves = Moves(interior_freedom(domain.interior, domain.dimension), None)
     if work.options.boundary == "slide":
@@ -116,7 +126,7 @@ def prepared(comm: Any, store: Store, work: Work, backend: Any) -> Mine | None:
     domain = replace(domain, cell_ids=local.cells)
     view = View(domain, owned, share.relaxed, own, local.index[own])
     whole = local, domain, mirrored, regions, dividers, movable, masks, moves
-    return Mine(*whole, share, view, layers, targets, plain)
+    return Mine(*whole, share, view, layers, max_aspect, targets, plain)
 
 
 def _has_repeated(store: Store) -> bool:

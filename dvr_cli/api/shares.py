@@ -30,6 +30,7 @@ from dvr_cli.distributed.shares import Store
 from dvr_cli.errors import DvrError, InputError, UsageError
 from dvr_cli.files.ranges import Ranges
 from dvr_cli.mesh.orientation import turned_cells
+from dvr_cli.quality.metric import tensors_of
 from dvr_cli.relax.directions import direction_field
 from dvr_cli.relax.engines.choice import KINDS
 from dvr_cli.relax.phases import TANGLED
@@ -67,7 +68,7 @@ def takes(options: SmoothOptions) -> bool:
     return (
         named
         and options.selection is not None  # so that files are read here
-        and options.metric is None
+        and (options.metric_source is None or not options.metric_source.is_file)
         and not isinstance(options.region_choice, np.ndarray)
         and options.boundary in ("fixed", "slide")
         and options.order == "coloured"
@@ -89,15 +90,22 @@ def smooth_shares(comm: Any, task: Task, hooks: Hooks | None = None) -> SmoothRe
         if chosen is None:
             return None
         ranges, regions = chosen
-        (read,) = on_all(comm, lambda: [read_share(comm, task.source, ranges)])
+        field = None if task.options.metric is None else str(task.options.metric)
+        (read,) = on_all(comm, lambda: [read_share(comm, task.source, ranges, field)])
     except DvrError as error:
         return error
     if not agree(comm, read is not None) or read is None:
         return None
     take_turns(KINDS[task.engine])
+    work = task.work
     store = store_of(comm, ranges, regions, read)
+    if read.field is not None:
+        tensors = tensors_among(comm, store, read.field)
+        if tensors is None:
+            return None
+        work = work._replace(tensors=tensors)
     del read
-    result = smooth_store(comm, store, task.work, hooks or Hooks())
+    result = smooth_store(comm, store, work, hooks or Hooks())
     if result is None:
         return None
     if not agree(comm, _changed(task.source) == changed):
@@ -105,6 +113,17 @@ def smooth_shares(comm: Any, task: Task, hooks: Hooks | None = None) -> SmoothRe
     rows = ranges.points
     first, values = _for_file(comm, store, task, result.vertices, result.points)
     return write_copy(comm, task.source, task.output, rows, first, values) or result.report
+
+
+def tensors_among(comm: Any, store: Store, values: np.ndarray) -> np.ndarray | None:
+    """(n, k, k) the tensors of the vertices that the rank owns; None on all ranks where some are none.
+
+    values: what a field has for the vertices of its range by index, see ``rows.bounds``.
+    """
+    try:
+        return store.of_own(on_all(comm, lambda: tensors_of(values, len(values))))
+    except InputError:  # the leading rank will say so
+        return None
 
 
 class Smoothed(NamedTuple):
@@ -146,7 +165,8 @@ def _smoothed(
     local, domain, view = mine.local, mine.domain, mine.view
     options, kind = work.options, KINDS[work.engine]
     try:
-        field = direction_field(options.entries, domain, {}, options.seed, options.center, options.axis)
+        how = options.seed, options.center, options.axis, local.index
+        field = direction_field(options.entries, domain, {}, *how)
     except UsageError:  # the leading rank will say so
         return None, domain.points
     before = quality_of(comm, view, local.mesh.points, work.vector)
@@ -176,7 +196,7 @@ def _smoothed(
         run.phases.insert(0, untangle_phase(run.untangling, left))
     unmoved = agree(comm, np.array_equal(points, local.mesh.points))
     plain = None
-    if mine.layers is not None:
+    if mine.layers is not None or work.tensors is not None:
         ideal = replace(view, domain=replace(domain, corners=mine.plain))
         both = (quality_of(comm, ideal, some, work.vector) for some in (local.mesh.points, points))
         plain = next(both), next(both)
@@ -186,7 +206,7 @@ def _smoothed(
         mends = left["elements"] > left["hopeless"] and not untangling
         limited_by = limit_of_whole(comm, store, mine, points, after, options, mends)
     report = SmoothReport(
-        shape=ShapeUse(options.shape_mode, *((0, 1.0) if mine.layers is None else mine.layers[1:])),
+        shape=ShapeUse(options.shape_mode, 0 if mine.layers is None else mine.layers.number, mine.max_aspect),
         plain=plain,
         mesh=_summary(comm, store, mine, work.counts),
         relaxed=comm.allreduce(len(view.own)),

@@ -56,8 +56,11 @@ def smooth_in_shares(
     ranges = formats[0].ranges_of(source)
     if ranges is None or ranges.dimension < 2 or ranges.count < comm.size:
         return None
+    measured = options.metric is not None
+    if measured and str(options.metric) not in ranges.fields:
+        return None
     sweeps = options.stopping.max_iterations
-    mesh = MeshKind(planar=ranges.dimension == 2)
+    mesh = MeshKind(planar=ranges.dimension == 2, measured=measured)
     kind = choose_engine(options.engine, ranges.points.count, sweeps, options.takes_patches, mesh=mesh)
     task = Task(source, ranges, output, options, kind.name, report is not None)
     result = together(comm, smooth_shares, (task,), Hooks(on_sweep, interrupted))

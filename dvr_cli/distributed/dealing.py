@@ -23,13 +23,14 @@ class Dealt:
 
     store: its share. counts: how many cells of each type the whole has. index: (n,) of each vertex of
     its piece in the whole. points: (k, D) of its range of vertices in the order of the whole, see
-    ``rows.bounds``.
+    ``rows.bounds``. field: (k, ...) what was given for these vertices.
     """
 
     store: Store
     counts: dict[str, int]
     index: np.ndarray
     points: np.ndarray
+    field: np.ndarray | None
 
     def of_piece(self, index: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """(n, D) where the vertices of the piece are, once each rank has moved those that it owns.
@@ -45,9 +46,10 @@ class Dealt:
         return asked(comm, self.index, wanted, lambda some: points[some - first])[0]
 
 
-def dealt(comm: Any, piece: Piece) -> Dealt | None:
+def dealt(comm: Any, piece: Piece, field: np.ndarray | None = None) -> Dealt | None:
     """The share of each rank of the mesh of which each has a piece, on all ranks together.
 
+    field: a row for each vertex of the piece, on all ranks or on none.
     None on all where cells are not linear ones of one dimension, or pieces contradict each other.
     """
     points, blocks = piece.mesh.points, [block for block in piece.mesh.cells if len(block.vertices)]
@@ -78,10 +80,13 @@ def dealt(comm: Any, piece: Piece) -> Dealt | None:
     own = _own_rows(comm, size, index, points)
     if not agree(comm, sound and own is not None) or own is None:
         return None
+    of_range = None if field is None else _own_rows(comm, size, index, field)
+    if not agree(comm, (of_range is None) == (field is None)):
+        return None
     of_types = Kinds(tuple(types), np.zeros((len(types), 0), dtype=np.int64), ())
     lower = CellRows(number[:0], cells[:0, :1], kind[:0])
     store = Store(comm, size, of_types, own, CellRows(number, cells, kind), lower)
-    return Dealt(store, counts, index, own)
+    return Dealt(store, counts, index, own, of_range)
 
 
 def _ordered(cells: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, bool]:

@@ -25,18 +25,20 @@ class Read(NamedTuple):
     """The rows that a rank has read.
 
     points: (n, 3). cells: of each table of the ranges, those of this rank by index, in the order of the file.
-    kinds: of each table the distinct tags of its cells, and (c,) which of them each has.
+    kinds: of each table the distinct tags of its cells, and (c,) which of them each has. field: (n, k) of the
+    field that was asked for.
     """
 
     points: np.ndarray
     cells: list[np.ndarray]
     kinds: list[tuple[list[tuple[int, ...]], np.ndarray]]
+    field: np.ndarray | None
 
 
-def read_share(comm: Any, source: Path, ranges: Ranges) -> Read | None:
+def read_share(comm: Any, source: Path, ranges: Ranges, field: str | None = None) -> Read | None:
     """The rows of this rank; None where they are not what the ranges say, or name no vertices.
 
-    Raises InputError for a file that cannot be read.
+    field: the name of point data to be read, too. Raises InputError for a file that cannot be read.
     """
     cells, kinds = [], []
     index = np.int32 if ranges.points.count <= np.iinfo(np.int32).max else np.int64
@@ -44,6 +46,11 @@ def read_share(comm: Any, source: Path, ranges: Ranges) -> Read | None:
         points = ranges.points.read(source, *own_range(comm, ranges.points))
         if points is None or not is_computable(points):
             return None
+        values = None
+        if field is not None:
+            values = ranges.fields[field].read(source, *own_range(comm, ranges.points))
+            if values is None:
+                return None
         for name, table in ranges.cells:
             own = own_range(comm, table)
             rows = table.read(source, *own)
@@ -59,7 +66,7 @@ def read_share(comm: Any, source: Path, ranges: Ranges) -> Read | None:
                 return None
     except OSError as error:
         raise InputError(f"{source}: {(error.strerror or str(error)).lower()}") from error
-    return Read(points, cells, kinds)
+    return Read(points, cells, kinds, values)
 
 
 def values_of_tags(comm: Any, source: Path, ranges: Ranges) -> list[np.ndarray]:

@@ -169,6 +169,12 @@ class Store:
         first = self.first
         return asked(self.comm, numbers, self.owner(numbers), lambda wanted: values[wanted - first])
 
+    def of_own(self, rows: np.ndarray) -> np.ndarray:
+        """(n, ...) of the vertices of this rank; rows: of those of its range by index (``rows.bounds``)."""
+        first = self.bounds[self.comm.rank]
+        owner = owner_of(self.index, self.bounds)
+        return asked(self.comm, self.index, owner, lambda wanted: rows[wanted - first])[0]
+
     def around(self, numbers: np.ndarray) -> CellRows:
         """The cells with one of these vertices."""
         return self._around(self.cells, numbers)

@@ -134,7 +134,7 @@ class Tangle:
         if all_of_them is None:
             return None
         return _Part(
-            targets.on(domain_of(part.mesh, regions=(NONE,), mirrored=mirrored)),
+            targets.on(domain_of(part.mesh, regions=(NONE,), mirrored=mirrored))[0],
             part.number,
             Freedom(values[:, -2].astype(np.uint8), np.ascontiguousarray(values[:, d : 2 * d])),
             np.ascontiguousarray(values[:, :d]),

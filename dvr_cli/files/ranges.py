@@ -179,6 +179,7 @@ class Ranges:
     data that tags are. once: whether a cell that is there twice counts once, in all its groups. order: of the
     types whose nodes have another order in the file the place there of each. groups: their names, with tag
     and dimension. held: ranges of vertices that have to stay, as more in the file depends on where they are.
+    fields: the point data that have a row for each vertex, and where these lie.
     """
 
     points: Table
@@ -189,6 +190,7 @@ class Ranges:
     order: Mapping[str, list[int]] = field(default_factory=dict)
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
     held: tuple[tuple[int, int], ...] = ()
+    fields: Mapping[str, Table] = field(default_factory=dict)
 
     @property
     def dimension(self) -> int:

@@ -64,13 +64,15 @@ class Turns:
 class Setting:
     """The mesh and the options that a direction may depend on.
 
-    center: (d,), and axis: (3,) of unit length, None in 2D: in the coordinates of the domain.
+    center: (d,), and axis: (3,) of unit length, None in 2D: in the coordinates of the domain. index: as in
+    ``restrict_field``.
     """
 
     domain: Domain
     seed: int
     center: np.ndarray
     axis: np.ndarray | None
+    index: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -111,12 +113,16 @@ def restrict_field(
 
 
 def random_field(
-    dimension: int, seed: int, factor: np.ndarray | None = None, backend: Backend = NUMPY
+    dimension: int,
+    seed: int,
+    factor: np.ndarray | None = None,
+    backend: Backend = NUMPY,
+    index: np.ndarray | None = None,
 ) -> DirectionField:
     """Directions drawn uniformly anew for each vertex and sweep, by a generator keyed (seed, sweep, vertex).
 
     factor: (N, d(d+1)/2) for each vertex the L of a metric, through which they are uniform. backend: what
-    computes; the result is the same.
+    computes; the result is the same. index: as in ``restrict_field``.
     """
     drawn = OwnField(_drawn, (dimension, np.uint64(seed), backend))
     if factor is None:
@@ -124,7 +130,8 @@ def random_field(
 
     def through(sweep: int, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
         vectors = drawn(sweep, points, vertices)
-        return unit(np.stack(solve(factor[vertices].T, list(vectors.T)), axis=1))
+        rows = vertices if index is None else np.searchsorted(index, vertices)
+        return unit(np.stack(solve(factor[rows].T, list(vectors.T)), axis=1))
 
     return through
 
@@ -137,9 +144,11 @@ def _drawn(
     return vectors
 
 
-def _random_of(domain: Domain, seed: int) -> DirectionField:
+def _random_of(setting: Setting) -> DirectionField:
     """Random directions in a domain, through its metric if it has one."""
-    return random_field(domain.points.shape[1], seed, factors_at_vertices(domain), domain.backend)
+    domain = setting.domain
+    factor = factors_at_vertices(domain)
+    return random_field(domain.points.shape[1], setting.seed, factor, domain.backend, setting.index)
 
 
 def constant_field(vector: np.ndarray) -> DirectionField:
@@ -203,7 +212,7 @@ def array_field(vectors: np.ndarray, period: int = 1) -> DirectionField:
 
 
 _REGISTRY = (
-    Direction("random", lambda to: [_random_of(to.domain, to.seed)]),
+    Direction("random", lambda to: [_random_of(to)]),
     Direction("x", partial(coordinate_fields, "x")),
     Direction("y", partial(coordinate_fields, "y")),
     Direction("z", partial(coordinate_fields, "z")),
@@ -224,12 +233,14 @@ def direction_field(
     seed: int = 0,
     center: Sequence[float] | None = None,
     axis: Sequence[float] | None = None,
+    index: np.ndarray | None = None,
 ) -> DirectionField:
     """The direction field of a list of entries, one a sweep, cycled.
 
     entries: names (see DIRECTIONS), "field:NAME" for a vector field in ``point_data``, or arrays (N, d) or
         (K, N, d); vectors with three components are projected into the plane of a planar mesh.
     center, axis: for "circumferential" and "radial"; default the centroid of the points and the z axis.
+    index: (N,) ascending, by which the field will be asked about each vertex; None for its number.
 
     Raises UsageError for unknown names and arrays of wrong shape or with values that are not finite.
     """
@@ -239,7 +250,7 @@ def direction_field(
     around = None
     if domain.points.shape[1] == 3:
         around = _axis((0.0, 0.0, 1.0) if axis is None else axis)
-    setting = Setting(domain, seed, middle, around)
+    setting = Setting(domain, seed, middle, around, index)
     turns: list[DirectionField | np.ndarray] = []  # vectors become fields when the number of turns is known
     for entry in entries:
         if isinstance(entry, str) and entry in DIRECTIONS:

@@ -116,7 +116,10 @@ def main():
     agree_in_shares(random_mesh("wedge", 1, n=4, noise=0.2), 4, shape="input", max_iterations=2)
     mesh = random_mesh("triangle", 8)
     agree(mesh, 8, **SWEEPS, regions=np.arange(len(mesh.cells[0].vertices)) % 2)
-    agree(mesh, 8, **SWEEPS, metric=random_tensors(len(mesh.points), 2, 1))
+    agree_in_shares(mesh, 8, **SWEEPS, metric=random_tensors(len(mesh.points), 2, 1))
+    mesh = random_mesh("mixed3d", 1, n=4, noise=0.2)
+    how = {"patches": True, "max_iterations": 2, "boundary": "slide"}
+    agree_in_shares(mesh, 3, metric=random_tensors(len(mesh.points), 3, 1), **how)
     mirrored = random_mesh("tetra", 3)
     mirrored.cells[0].vertices[::3] = mirrored.cells[0].vertices[::3, [1, 0, 2, 3]]
     agree_in_shares(mirrored, 9, **SWEEPS)

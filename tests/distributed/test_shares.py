@@ -20,7 +20,7 @@ from dvr_cli.files.formats import formats_by_suffix
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import domain_of
 from meshes import KINDS, boxes_of, random_mesh, tangled
-from ranged_files import DATA, FILES, MIXED, PLANAR, gmsh_22, gmsh_41, write_ranged
+from ranged_files import DATA, FILES, MIXED, PLANAR, gmsh_22, gmsh_41, tensors_at, write_ranged
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 # name of a mesh, and options
@@ -70,6 +70,14 @@ RUNS = (
     ("hexahedron", "--shape input -n 3 --patches"),
     ("triangle", "--shape input -d random -n 40 --tol 1e-3"),
     ("tetra tangled", "--shape input -n 2 --patches"),
+    ("tetra", "--metric metric -n 3 --patches"),
+    ("hexahedron", "--metric metric -d random,steepest,optimal -n 3 --tol 0 --boundary slide"),
+    ("triangle", "--metric metric -d random -n 40 --tol 1e-3 --keep-height"),
+    ("quad upright", "--metric metric -n 3 --no-patches"),
+    ("mixed3d both-ways", "--metric metric -n 2"),
+    ("tetra tangled", "--metric metric -n 2 --patches"),
+    ("quad layered", "--metric metric -n 2 --polish"),
+    ("raw-data.vtu", "--metric metric -d random -n 2"),
     ("hexahedron layered sheet", "-d random -n 30 --tol 1e-3 --patches"),
     ("tetra tangled", "-n 2"),
     ("triangle tangled", "-n 2 --patches"),
@@ -146,7 +154,10 @@ def write(folder, name):
                 rows[::step] = rows[::step, CELL_TYPES[block.type].mirror]
             cells.append((block.type, rows))
         path = folder / f"{'-'.join([kind, *how])}.vtk"
-        meshio.Mesh(points, cells).write(path, file_format="vtk", binary=True)
+        fields = {"metric": tensors_at(points)}
+        if "indefinite" in how:
+            fields["metric"][-1, 0] = -1.0
+        meshio.Mesh(points, cells, fields).write(path, file_format="vtk", binary=True)
         return path
     mesh = random_mesh("tetra", 1, n=5, noise=0.25)
     points, cells = mesh.points, mesh.cells[0].vertices
@@ -323,6 +334,19 @@ def test_a_damaged_file_is_one_line(tmp_path, on_ranks):
     assert not list(tmp_path.glob("out*"))
 
 
+@pytest.mark.long
+def test_what_is_no_metric_is_one_line(tmp_path, on_ranks, capsys):
+    path = write(tmp_path, "tetra indefinite")
+    words = ["--engine", "numpy", "--quiet"]
+    commands = [["smooth", path.name, "out.vtk", "--metric", name, *words] for name in ("metric", "size")]
+    expected = in_one_process(tmp_path, commands)
+    said = capsys.readouterr().err
+    done, ends = job(on_ranks, 3, tmp_path, [[*command, "--mpi"] for command in commands])
+    assert (ends, done.stderr) == (expected, said)
+    assert expected == [3, 2]
+    assert not list(tmp_path.glob("out*"))
+
+
 def damaged_files(folder):
     """Files that look whole at first: a number in the middle of an array is wrong, or the end is cut off."""
     found = {}
@@ -371,9 +395,11 @@ def test_runs_that_need_the_whole_mesh_are_not_taken():
     assert takes(SmoothOptions(directions="random", polish=True, floor=0.9))
     assert takes(SmoothOptions(boundary="slide"))
     assert takes(SmoothOptions(shape="input"))
+    assert takes(SmoothOptions(metric="field"))
+    assert takes(SmoothOptions(metric=np.ones((3, 3, 3))))
     assert takes(SmoothOptions(fix="a", only="b", below=0.3, vertices=[1], regions="none"))
     others = [{"directions": "radial"}, {"boundary": "project"}]
     others += [{"regions": np.zeros(3, dtype=int)}]
-    others += [{"order": "natural"}, {"metric": np.ones((3, 3, 3))}]
+    others += [{"order": "natural"}]
     for other in others:
         assert not takes(SmoothOptions(**{"directions": "random"} | other)), other

@@ -43,11 +43,12 @@ def ranges_of_cells(
     nodes: int,
     part_of: Callable[[Run], tuple[Rows, Counted]],
     data: Mapping[str, Rows],
+    fields: Mapping[str, Rows],
 ) -> Ranges | None:
     """The ranges of a file with these points and types of cells; None where a process has to read it whole.
 
     nodes: of all cells together. part_of: where those of the cells of a run are, and what says how many each
-    has. data: of the cells, one row each.
+    has. data: of the cells, and fields: of the points, one row each.
     """
     runs, tags = _runs(path, types, nodes), _tags_among(data)
     if runs is None or tags is None:
@@ -59,7 +60,8 @@ def ranges_of_cells(
         of_run = tuple(rows.part(run.first, run.count) for rows in tags.values())
         cells.append((run.type, Table((Part(rows, (known, sizes), of_run),))))
     order = {name: NODE_ORDER[VTK_TYPE[name]] for name in LINEAR if VTK_TYPE[name] in NODE_ORDER}
-    return Ranges(Table((Part(points),)), tuple(cells), names=tuple(tags), order=order)
+    of_points = {name: Table((Part(rows),)) for name, rows in fields.items()}
+    return Ranges(Table((Part(points),)), tuple(cells), names=tuple(tags), order=order, fields=of_points)
 
 
 def _tags_among(data: Mapping[str, Rows]) -> dict[str, Rows] | None:

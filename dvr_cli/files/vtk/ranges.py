@@ -83,9 +83,9 @@ def _found(path: Path, scanner: _Views) -> Ranges | None:
     if scanner.count("") != count:
         return None
     types = Rows(scanner.extent("int", count, "")[0], ">i4", 1, count)
-    _, data, _ = read_data(scanner, n, count)
-    arrays = {name: scanner.rows(view) for name, view in data.items()}
-    return ranges_of_cells(path, points, types, size, part_of, arrays)
+    *data, _ = read_data(scanner, n, count)
+    fields, arrays = ({name: scanner.rows(view) for name, view in some.items()} for some in data)
+    return ranges_of_cells(path, points, types, size, part_of, arrays, fields)
 
 
 def _with_offsets(offsets: Rows, nodes: Rows, run: Run) -> tuple[Rows, Counted]:

@@ -58,21 +58,26 @@ def _found(path: Path, raw: _Raw) -> Ranges | None:
     points = raw.rows(place, 3, n, "f")
     wanted = ("connectivity", None), ("offsets", count), ("types", count)
     nodes, ends, types = (raw.rows(_named(piece, name), 1, rows, "iu") for name, rows in wanted)
-    fields = [raw.rows(array, _components(array), n, "iuf") for array in piece_arrays(piece, "PointData")]
-    data = {}
+    data, fields = dict[str, Rows](), dict[str, Rows]()
+    for array in piece_arrays(piece, "PointData"):
+        rows = raw.rows(array, _components(array), n, "iuf")
+        if rows is None:
+            return None
+        fields[array.attributes.get("Name", "")] = rows
     for array in piece_arrays(piece, "CellData"):
         rows = raw.rows(array, _components(array), count, "iuf")
         if rows is None or array.attributes.get("Name", "") in GHOSTS:
             return None
         data[array.attributes.get("Name", "")] = rows
-    if points is None or nodes is None or ends is None or types is None or None in fields:
+    if points is None or nodes is None or ends is None or types is None:
         return None
     begin, end = raw.begin(place), points.offset(n)
     shared = [e for e, at in appended_arrays(layout) if e is not place and begin <= at < end]
     if np.dtype(points.dtype).itemsize != 8 or shared:
         return None
     data.pop("", None)  # what has no name is not read
-    return ranges_of_cells(path, points, types, nodes.count, partial(_part_of, nodes, ends), data)
+    part_of = partial(_part_of, nodes, ends)
+    return ranges_of_cells(path, points, types, nodes.count, part_of, data, fields)
 
 
 def _part_of(nodes: Rows, ends: Rows, run: Run) -> tuple[Rows, Counted]:
