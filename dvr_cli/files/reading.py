@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from dvr_cli.errors import InputError
 from dvr_cli.files.formats import format_named, format_of
 from dvr_cli.files.source import InputFile, Source
@@ -29,7 +31,8 @@ def open_mesh(path: Path, format_name: str | None = None, mesh_name: str | None 
             raise InputError("neither its suffix nor its first bytes tell a format; name one")
         if mesh_name is not None and not record.named_meshes:
             raise InputError(f"{record.name} files hold one mesh, which --mesh cannot choose")
-        return record.read(InputFile(data, None if path == STANDARD else path, mesh_name))
+        with np.errstate(invalid="ignore"):  # what is no number is refused by name where it matters
+            return record.read(InputFile(data, None if path == STANDARD else path, mesh_name))
     except InputError as error:
         raise InputError(f"{'standard input' if path == STANDARD else path}: {error}") from error
 

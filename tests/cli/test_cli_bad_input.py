@@ -107,6 +107,16 @@ def nan_coordinate_in_gmsh(folder: Path) -> Path:
 
 
 @bad_input
+def signalling_nan_coordinate(folder: Path) -> Path:
+    """Of 32 bits, of which NumPy warns when they become 64."""
+    facet = np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], dtype="<f4").tobytes() + bytes(2)
+    signals = facet[:20] + (0x7F800001).to_bytes(4, "little") + facet[24:]
+    path = folder / "nan.stl"
+    path.write_bytes(bytes(80) + (2).to_bytes(4, "little") + facet + signals)
+    return path
+
+
+@bad_input
 def infinite_coordinate(folder: Path) -> Path:
     return fan(folder / "inf.vtk", 0.5, -np.inf)
 
@@ -131,6 +141,7 @@ def repeated_vertex(folder: Path) -> Path:
     return write(folder / "twice.msh", CORNERS, {"triangle": [[0, 1, 2], [0, 3, 3]]})
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("make", INPUTS.values(), ids=INPUTS.keys())
 @pytest.mark.parametrize("command", ["smooth", "quality", "compare"])
 def test_bad_input(dvr, tmp_path, make, command):
