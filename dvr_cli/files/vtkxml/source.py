@@ -311,8 +311,10 @@ def _shared(points: np.ndarray, sizes: list[int]) -> np.ndarray:
 def _refuse_ghosts(arrays: dict[str, np.ndarray]) -> None:
     """Ghost cells are copies of another piece's: moved by themselves they would part from those."""
     levels, types = (arrays.get(name, np.zeros(1)) for name in GHOSTS)
+    if not np.isfinite(types).all():
+        raise InputError("vtkGhostType is to say which cells are copies, but has no number for some of them")
     ghosts = levels > 0
-    copies = (types.astype(np.int64) & 1) > 0
+    copies = np.abs(np.fmod(types, 2)) >= 1  # the lowest bit, also of numbers that were stored as others
     if ghosts.any() or copies.any():
         raise InputError("ghost cells, copies of cells in another piece, are not supported; remove them")
 
