@@ -17,6 +17,7 @@ BOUND = 0.03
 ROUNDING = 1e-15  # of distances between points about 1 from the origin
 HOW = {"boundary": "project", "feature_angle": 40.0, "max_deviation": BOUND, "engine": "numpy"}
 HOW |= {"untangle": True, "max_iterations": 0}  # as dvr_cli.untangle, which takes the quickest engine
+QUICKEST = {"engine": "auto"}  # of long tests, as kernels for this are compiled in those
 
 
 def volumes(mesh: Mesh, points: np.ndarray) -> np.ndarray:
@@ -76,7 +77,7 @@ def test_what_does_its_part_alone_leaves_the_boundary_as_it_is():
 @pytest.mark.long
 def test_a_bound_of_nothing_lets_nothing_but_what_is_plane_or_straight_move():
     mesh = tube(2.5)
-    points, report, _ = untangled(mesh, max_deviation=0.0)
+    points, report, _ = untangled(mesh, max_deviation=0.0, **QUICKEST)
     assert apart(mesh.points, points, skin(mesh)) < 1e-14
     assert report.boundary.deviation == 0.0
 
@@ -84,10 +85,10 @@ def test_a_bound_of_nothing_lets_nothing_but_what_is_plane_or_straight_move():
 @pytest.mark.long
 def test_smoothing_goes_on_from_there():
     mesh = tube(2.5)
-    points, report, _ = untangled(mesh, max_iterations=2)
+    points, report, _ = untangled(mesh, max_iterations=2, **QUICKEST)
     assert "untangle" in [phase.phase for phase in report.phases]
     assert (volumes(mesh, points) > 0).all()
-    assert report.after.q1 > untangled(mesh)[1].after.q1 > 0
+    assert report.after.q1 > untangled(mesh, **QUICKEST)[1].after.q1 > 0
 
 
 @pytest.mark.long
@@ -95,7 +96,7 @@ def test_smoothing_goes_on_from_there():
 @given(st.integers(0, 10_000), st.sampled_from([1, 2]), st.floats(0.0, 0.03))
 def test_the_bound_holds_and_nothing_turns_over_whatever_becomes_of_the_elements(seed, layers, bound):
     mesh = tube(2.5, layers, noise=0.1, seed=seed)
-    points, *_ = untangled(mesh, max_deviation=bound)
+    points, *_ = untangled(mesh, max_deviation=bound, **QUICKEST)
     assert turned_over(mesh, points) == 0
 
 
@@ -104,7 +105,7 @@ def test_the_command_of_its_own_does_the_same():
     mesh = tube(2.5)
     options = {name: HOW[name] for name in ("boundary", "feature_angle", "max_deviation")}
     points, _ = dvr_cli.untangle(mesh.points, [("tetra", mesh.cells[0].vertices)], **options)
-    assert points.tobytes() == untangled(mesh)[0].tobytes()
+    assert points.tobytes() == untangled(mesh, **QUICKEST)[0].tobytes()
 
 
 def test_vertices_walk_on_curves_of_the_plane():
