@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib import import_module
 from importlib.util import find_spec
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -24,6 +26,14 @@ settings.load_profile("ci" if os.environ.get("CI") == "true" else "here")
 
 # what takes long and calls no compiled function
 WITHOUT_KERNELS = ("tests/distributed/", "tests/relax/surface/")
+# new objects after which Python looks for garbage: the compiler makes many that stay
+GARBAGE = 50_000
+
+
+def pytest_collection_finish() -> None:
+    """What is there before the first test stays: Python does not look through thousands of tests again."""
+    gc.freeze()
+    gc.set_threshold(GARBAGE)
 
 
 @pytest.hookimpl(trylast=True)
@@ -58,14 +68,19 @@ def _no_process_compiles() -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def _compiled_from_the_start(request: pytest.FixtureRequest) -> Iterator[None]:
-    """In a run of many tests the engine called auto is the compiled one, but in a metric: to compile it pays.
+    """In a run of many tests the engine called auto is the compiled one where to compile it pays.
 
-    The engine of NumPy is compared with it, and has its own tests.
+    It does not in a metric, nor for the few tests of curved boundaries in a plane. The engine of NumPy is
+    compared with it, and has its own tests.
     """
     if find_spec("numba") is None or len(request.session.items) < 500:
         yield
         return
     import_module("dvr_cli.relax.engines.numba_engine")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dvr_cli.relax.engines.choice._are_compiled", lambda _, mesh: not mesh.measured)
+        patch.setattr("dvr_cli.relax.engines.choice._are_compiled", _is_paid_for)
         yield
+
+
+def _is_paid_for(folders: Sequence[str], mesh: Any) -> bool:
+    return not (mesh.measured or (mesh.planar and "surface" in folders))

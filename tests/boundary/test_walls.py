@@ -133,9 +133,7 @@ def test_walls_sought_before_there_is_a_problem_are_those_of_the_problem(shape):
 def test_thin_walls_stay_apart():
     """Where the bound is far beyond the wall's thickness, the wall comes by a third of it at most."""
     points, triangles = shell(2, 0.94, noise=0.04)
-    options = SmoothOptions.of(
-        {"directions": "random", "max_deviation": 0.2, "engine": "numpy", "max_iterations": 3}
-    )
+    options = SmoothOptions.of({"directions": "random", "max_deviation": 0.2, "max_iterations": 3})
     assert not crossing_facets(points, triangles).any()
     outer = len(triangles) // 2
     alone, _ = smooth_mesh(Mesh(points[: len(points) // 2], [Cells("triangle", triangles[:outer])]), options)
