@@ -20,6 +20,7 @@ from meshes import random_mesh
 FILES = ("5.1.vtk", "4.2.vtk", "41.msh", "41-big.msh", "22.msh", "22-batches.msh", "raw.vtu", "raw-big.vtu")
 MIXED = ("5.1-mixed.vtk", "4.2-mixed.vtk", "41-mixed.msh", "22-mixed.msh", "raw-mixed.vtu")
 DATA = ("5.1-data.vtk", "4.2-data.vtk", "41-data.msh", "22-data.msh", "raw-data.vtu")
+LINKS = ("41-links.msh", "22-links.msh")
 PLANAR = ("5.1-planar.vtk", "41-planar.msh", "22-planar.msh", "raw-planar.vtu")
 _CODES = {"vertex": 15, "line": 1, "triangle": 2, "quad": 3, "tetra": 4}
 _CODES |= {"hexahedron": 5, "wedge": 6, "pyramid": 7}
@@ -28,8 +29,9 @@ _CODES |= {"hexahedron": 5, "wedge": 6, "pyramid": 7}
 def write_ranged(folder: Path, name: str) -> Path:
     """The file of this name, one of FILES, of MIXED with several types of cells, or of PLANAR in a plane.
 
-    Those of DATA have fields on cells and points, one of which tells regions apart; of Gmsh's fields, and of
-    4.1 a volume in two groups and a node with a parameter.
+    Those of LINKS have periodic links, of vertices inside too. Those of DATA have fields on cells and points,
+    one of which tells regions apart; of Gmsh's fields, and of 4.1 a volume in two groups and a node with a
+    parameter.
     """
     kind = {"mixed": "mixed3d", "planar": "mixed2d"}.get(Path(name).stem.split("-")[-1], "tetra")
     mesh, path = random_mesh(kind, 1, n=4, noise=0.2), folder / name
@@ -43,11 +45,11 @@ def write_ranged(folder: Path, name: str) -> Path:
         raw_vtu(path, mesh, order, "data" in name)
     elif name.startswith("41"):
         how = {"groups": 2, "parametric": 1, "more": views(order)} if "data" in name else {}
+        how |= {"more": links(order, older=False)} if "links" in name else {}
         path.write_bytes(gmsh_41(mesh, order, **how))
     else:
-        path.write_bytes(
-            gmsh_22(mesh, order, "batches" in name, more=views(order) if "data" in name else b"")
-        )
+        more = views(order) if "data" in name else links(order, older=True) if "links" in name else b""
+        path.write_bytes(gmsh_22(mesh, order, "batches" in name, more=more))
     return path
 
 
@@ -57,6 +59,16 @@ def cell_data(mesh: Mesh) -> dict[str, list[np.ndarray]]:
     some = [np.arange(len(block.vertices)) for block in mesh.cells]
     data = {"part": [(rows[:, 1] > 0.5).astype(np.int32) for rows in middle], "id": some, "each": some}
     return data | {"at": middle, "load": [rows[:, 0] for rows in middle]}
+
+
+def links(order: str, older: bool) -> bytes:
+    """Periodic links of a Gmsh file, from every seventh node to the one behind it; one has no such node."""
+    pairs = [(node, node + 1) for node in range(10, 100, 7)] + [(5, 10**6)]
+    if older:
+        rows = "\n".join(f"{one} {other}" for one, other in pairs)
+        return f"$Periodic\n1\n2 2 1\n{len(pairs)}\n{rows}\n$EndPeriodic\n".encode()
+    body = struct.pack(f"{order}q3iqq", 1, 2, 2, 1, 0, len(pairs))
+    return b"$Periodic\n" + body + np.array(pairs, f"{order}i8").tobytes() + b"\n$EndPeriodic\n"
 
 
 def tensors_at(points: np.ndarray) -> np.ndarray:

@@ -52,7 +52,7 @@ def limit_of_whole(
     corners = np.stack([store.low, store.high])
     small = replace(near.mesh, points=np.concatenate([near.mesh.points, corners]))
     interior, relaxed, movable, *masks = np.pad(around[:, d:].T > 0.0, ((0, 0), (0, 2)))
-    free = np.logical_and.reduce([~np.pad(targets.held, (0, 2)), *masks])
+    free = np.logical_and.reduce([small.unlinked, ~np.pad(targets.held, (0, 2)), *masks])
     of_small = domain_of(small, regions=per_cell(mine.regions, near), mirrored=mirrored)
     of_small, _ = targets.on(replace(of_small, interior=interior, cell_ids=near.cells))
     not_chosen = {name: movable & ~mask for name, mask in zip(mine.masks, masks, strict=True)}

@@ -115,6 +115,7 @@ def prepared(comm: Any, store: Store, work: Work, backend: Any) -> Mine | None:
         masks = masks_of(store, local, domain, work.options.selection)
     except UsageError:
         return None
+    moves = replace(moves, freedom=moves.freedom.only(local.mesh.unlinked))
     movable = moves.freedom.dimension > 0
     selected = np.logical_and.reduce([~held, *masks.values()])
     moves = replace(moves, freedom=moves.freedom.only(selected))

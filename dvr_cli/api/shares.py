@@ -99,6 +99,7 @@ def smooth_shares(comm: Any, task: Task, hooks: Hooks | None = None) -> SmoothRe
     take_turns(KINDS[task.engine])
     work = task.work
     store = store_of(comm, ranges, regions, read)
+    store.linked = ranges.linked
     if read.field is not None:
         tensors = tensors_among(comm, store, read.field)
         if tensors is None:

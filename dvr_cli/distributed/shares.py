@@ -121,7 +121,7 @@ class Store:
     that ranks own. low, high: (D,) of the box of all vertices. axes: the coordinates, but for one of a
     planar mesh that all vertices have alike. index, points: (n,) and (n, D) of the vertices of the
     rank, in the order of their numbers. cells, lower: all cells with one of these, by number, in the order of
-    their ids.
+    their ids. linked: (k,) ascending, the vertices of the whole, by index, that periodic links tie to others.
     """
 
     def __init__(
@@ -148,6 +148,7 @@ class Store:
         numbers = places(comm, codes, index)  # of equals by index
         own, index, points = sent(comm, owner_of(numbers, self.bounds), numbers, index, points)
         order = np.argsort(own)
+        self.linked = np.empty(0, dtype=np.int64)
         self.first = int(self.bounds[comm.rank])
         self.index, self.points = index[order], points[order]
         self.cells, self.lower = self._dealt(cells, numbers), self._dealt(lower, numbers)
@@ -242,6 +243,8 @@ class Store:
             return cells._replace(cells=vertices)
 
         mesh = self.kinds.mesh(np.ascontiguousarray(rows[order, 1:]), placed(cells), placed(lower))
+        linked = np.flatnonzero(np.isin(index[order], self.linked, assume_unique=True))
+        mesh.periodic = np.stack([linked, linked], axis=1)  # to what else makes no difference
         kinds = np.concatenate([cells.kinds, lower.kinds])
         return Local(mesh, index[order], numbers[order], cells.ids, kinds)
 

@@ -179,7 +179,8 @@ class Ranges:
     data that tags are. once: whether a cell that is there twice counts once, in all its groups. order: of the
     types whose nodes have another order in the file the place there of each. groups: their names, with tag
     and dimension. held: ranges of vertices that have to stay, as more in the file depends on where they are.
-    fields: the point data that have a row for each vertex, and where these lie.
+    fields: the point data that have a row for each vertex, and where these lie. linked: (k,) ascending, the
+    vertices that periodic links tie to others.
     """
 
     points: Table
@@ -191,6 +192,7 @@ class Ranges:
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
     held: tuple[tuple[int, int], ...] = ()
     fields: Mapping[str, Table] = field(default_factory=dict)
+    linked: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     @property
     def dimension(self) -> int:

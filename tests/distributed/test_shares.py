@@ -19,8 +19,9 @@ from dvr_cli.cli.main import main
 from dvr_cli.files.formats import formats_by_suffix
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import domain_of
+from gmsh_session import gmsh_session
 from meshes import KINDS, boxes_of, random_mesh, tangled
-from ranged_files import DATA, FILES, MIXED, PLANAR, gmsh_22, gmsh_41, tensors_at, write_ranged
+from ranged_files import DATA, FILES, LINKS, MIXED, PLANAR, gmsh_22, gmsh_41, tensors_at, write_ranged
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 # name of a mesh, and options
@@ -78,6 +79,10 @@ RUNS = (
     ("tetra tangled", "--metric metric -n 2 --patches"),
     ("quad layered", "--metric metric -n 2 --polish"),
     ("raw-data.vtu", "--metric metric -d random -n 2"),
+    ("41-links.msh", "-n 3"),
+    ("41-links.msh", "--boundary slide -d random -n 40 --tol 1e-3"),
+    ("22-links.msh", "--fix left -d random -n 3"),
+    ("partitions.msh", "-n 3"),
     ("hexahedron layered sheet", "-d random -n 30 --tol 1e-3 --patches"),
     ("tetra tangled", "-n 2"),
     ("triangle tangled", "-n 2 --patches"),
@@ -130,7 +135,9 @@ def write(folder, name):
     """The file of a mesh, binary VTK with coordinates in 64 bits."""
     if name == "hull":
         return SAMPLES / "random_cube.vtk"
-    if name in (*FILES, *MIXED, *PLANAR, *DATA):
+    if name == "partitions.msh":
+        return partitioned(folder / name)
+    if name in (*FILES, *MIXED, *PLANAR, *DATA, *LINKS):
         return write_ranged(folder, name)
     kind, *how = name.split()
     if kind in KINDS:
@@ -169,6 +176,28 @@ def write(folder, name):
     path = folder / f"{name}.vtk"
     version = {"older": "vtk42"}.get(name, "vtk")
     meshio.Mesh(points, [("tetra", cells)]).write(path, file_format=version, binary=True)
+    return path
+
+
+def partitioned(path):
+    """A box that Gmsh has meshed, and cut into partitions with facets between them.
+
+    It is written once, as the order of some of it is not always the same.
+    """
+    if path.exists():
+        return path
+    with gmsh_session() as gmsh:
+        gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(3, [1], 4, "solid")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.35)
+        gmsh.option.setNumber("Mesh.PartitionCreateTopology", 1)
+        gmsh.option.setNumber("Mesh.PartitionCreateGhostCells", 1)
+        gmsh.model.mesh.generate(3)
+        gmsh.model.mesh.partition(3)
+        gmsh.model.mesh.renumberNodes()
+        gmsh.option.setNumber("Mesh.Binary", 1)
+        gmsh.write(str(path))
     return path
 
 

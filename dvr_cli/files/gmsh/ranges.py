@@ -22,7 +22,9 @@ from dvr_cli.files.gmsh.data import check_view, read_physical_names
 from dvr_cli.files.gmsh.elements import MAX_BLOCKS
 from dvr_cli.files.gmsh.mesh import field_data, tags_of_entities
 from dvr_cli.files.gmsh.msh2 import agreeing
+from dvr_cli.files.gmsh.msh2 import read_periodic as read_periodic_2
 from dvr_cli.files.gmsh.msh4 import Entities, read_entities
+from dvr_cli.files.gmsh.msh4 import read_periodic as read_periodic_4
 from dvr_cli.files.gmsh.numbers import BinaryNumbers, read_numbers
 from dvr_cli.files.gmsh.sections import (
     VIEWS,
@@ -35,11 +37,13 @@ from dvr_cli.files.gmsh.sections import (
     read_header,
 )
 from dvr_cli.files.ranges import LINEAR, Counted, Part, Ranges, Rows, Table
+from dvr_cli.mesh.ranks import distinct
 from dvr_cli.mesh.regions import is_region_name
 
 _TAGS = ("gmsh:physical", "gmsh:geometrical")
-_NEEDED = ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements")
-_OTHER = ("PartitionedEntities", "Periodic", "ParametricNodes", "NOD", "ELM")  # what a run depends on
+_ENTITIES = ("Entities", "PartitionedEntities")
+_NEEDED = ("MeshFormat", "PhysicalNames", *_ENTITIES, "Nodes", "Elements", "Periodic")
+_OTHER = ("ParametricNodes", "NOD", "ELM")  # what a run depends on
 _MOST = 10_000  # parts of a table
 _END_OF_ELEMENTS = re.compile(rb"\s*\$EndElements")
 _VERSIONS_2 = ("2", "2.0", "2.1", "2.2")
@@ -98,13 +102,26 @@ def _found(data: bytes) -> Ranges:
     names: tuple[str, ...] = _TAGS
     if header.version == "4.1":
         entities = Entities({}, {}, set())
-        if "Entities" in once:
-            read_entities(read_numbers(data, once["Entities"], header), False, entities, older=False)
-        blocks, names = _with_tags([block for block in blocks if block.part.rows.count], entities)
+        for name in _ENTITIES:
+            if name in once:
+                numbers = read_numbers(data, once[name], header)
+                read_entities(numbers, name == "PartitionedEntities", entities, older=False)
+        blocks = [one for one in blocks if one.part.rows.count and one.entity not in entities.between]
+        blocks, names = _with_tags(blocks, entities)
     tables = _tables(blocks)
     _need(points.count > 0 and len(tables) > 0)
     groups, once_each = field_data(named), header.version != "4.1"
-    return Ranges(points, tables, base=1, names=names, once=once_each, groups=groups, held=held)
+    found = Ranges(points, tables, base=1, names=names, once=once_each, groups=groups, held=held)
+    if "Periodic" not in once:
+        return found
+    return replace(found, linked=_linked(data, once["Periodic"], header, points.count))
+
+
+def _linked(data: bytes, section: Section, header: Header, nodes: int) -> np.ndarray:
+    """(k,) ascending, the nodes that periodic links tie to others, counted from 0; nodes: how many it has."""
+    older = header.version != "4.1"
+    pairs = read_periodic_2(data, section) if older else read_periodic_4(read_numbers(data, section, header))
+    return distinct(pairs[((pairs > 0) & (pairs <= nodes)).all(axis=1)].ravel().astype(np.int64) - 1)
 
 
 def _need(holds: bool) -> None:
@@ -177,7 +194,8 @@ def _elements_4(data: bytes, section: Section, order: str) -> tuple[list[_Block]
 def _with_tags(blocks: list[_Block], entities: Entities) -> tuple[list[_Block], tuple[str, ...]]:
     """The blocks with the groups and the entity of their elements as tags, and the names of these."""
     of_blocks = [block.entity or (0, 0) for block in blocks]
-    names, tags = tags_of_entities(of_blocks, [entities.physical.get(one, [0]) for one in of_blocks])
+    groups = [entities.physical.get(one, [0]) for one in of_blocks]
+    names, tags = tags_of_entities([(one[0], entities.whole.get(one, one[1])) for one in of_blocks], groups)
     rows = zip(blocks, tags, strict=True)
     return [b._replace(part=replace(b.part, tags=tuple(row))) for b, row in rows], names
 
