@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 _FLOOR = 0.999  # of Q1, where polishing has one floor for all and nobody gave another
 _KEPT = 0.015  # share of the elements whose qualities are kept when, in the end, the mean alone is raised
+_WORTH = 0.1  # of the level of care: a ring that gains less in a sweep has settled, and patches take over
 _NEAR = 0.01  # of Q1, from there the level of care goes no lower for the sake of the mean
 
 
@@ -127,6 +128,8 @@ class Run:
             done = len(self.sweeps)
             stopping, care = self._remaining(), None
             if self.level is not None and self._engine.relaxes:
+                if stopping.target is None and self._options.takes_patches:
+                    stopping = replace(stopping, tol=max(stopping.tol, _WORTH * self.level), patience=1)
                 care = Care(self._engine, self.level, stopping, self._qualities)
             return relax(self._engine, None, directions, stopping, *hooks, care, done)
 

@@ -37,6 +37,7 @@ def alone(points: np.ndarray, patch: Patch) -> Alone:
         dimension=patch.dimension[here],
         axis=patch.axis[here],
         enough=patch.enough,
+        bearable=patch.bearable,
         altitude=patch.altitude,
     )
     return Alone(points[here], own)

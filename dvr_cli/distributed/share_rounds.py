@@ -23,7 +23,7 @@ from dvr_cli.mesh.corners import Simplices
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.patches.neighbourhoods import CANDIDATES, Patches
-from dvr_cli.relax.patches.rounds import Rounds, Solved, has_grown
+from dvr_cli.relax.patches.rounds import Rounds, Solved, bearable, has_grown
 
 
 class _Chosen(NamedTuple):
@@ -67,16 +67,17 @@ class ShareRounds(Rounds):
     ) -> Solved:
         """As in Rounds, of the corners that the rank answers for; time is asked about between rounds only."""
         chosen = self._choose(worst, quality[worst], layers, most)
-        bounds = enough, float(self._engine.altitude)
+        altitude, dimension = float(self._engine.altitude), self._share.part.problem.dimension
         results: list[tuple[float, float]] = []
         for _, some in groupby(chosen, key=lambda one: id(one.vicinity)):
             same = list(some)
             vicinity = same[0].vicinity
-            patches = vicinity.solvable([one.patches for one in same], *bounds)
+            most_of_each = [bearable(enough, dimension, one.place == 0) for one in same]
+            patches = vicinity.solvable([one.patches for one in same], enough, most_of_each, altitude)
             results += self._member.engine.solve_patches(vicinity.points, patches, lambda: False)
         badness = np.array(results).reshape(-1, 2)
         moved = sum(len(one.patches.freed) for one, (b, a) in zip(chosen, results, strict=True) if a < b)
-        grown = has_grown(badness, self._share.part.problem.dimension)
+        grown = has_grown(badness, dimension)
         self._bring(chosen)
         corners, values, of_grown = self._changed(chosen, grown)
         return Solved(

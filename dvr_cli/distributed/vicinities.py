@@ -82,13 +82,19 @@ class Vicinity:
             result.append(Patches(one, freed_start, self.relaxed[freed], corner_start, corners, *more))
         return result
 
-    def solvable(self, patches: list[Patches], enough: float, altitude: float) -> list[Patch]:
-        """Some patches, one in each of ``patches``, as the solver takes them; no two share a corner."""
+    def solvable(
+        self, patches: list[Patches], enough: float, bearable: list[float], altitude: float
+    ) -> list[Patch]:
+        """Some patches, one in each of ``patches``, as the solver takes them; no two share a corner.
+
+        enough, altitude: of all, and bearable: of each, see ``Patch``.
+        """
         slot = np.full(len(self.points), -1, dtype=np.int32)
         rules = slot, self.table.norm, self.table.factor, self.freedom.dimension, self.freedom.axis
         for one in patches:
             slot[one.freed] = np.arange(len(one.freed))
-        return [Patch(*one.of(0), *rules, enough, altitude) for one in patches]
+        each = zip(patches, bearable, strict=True)
+        return [Patch(*one.of(0), *rules, enough, most, altitude) for one, most in each]
 
     @cached_property
     def _incidence(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

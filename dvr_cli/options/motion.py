@@ -96,7 +96,8 @@ MOTION = (
         "patience",
         POSITIVE_COUNT,
         3,
-        "Stop after K sweeps in a row without progress.",
+        "Stop after K sweeps in a row without progress. The default directions go on to patches sooner, "
+        "after a sweep that gains little.",
         RELAXING,
         "K",
         recorded=True,

@@ -120,8 +120,7 @@ def test_a_patch_alone_is_solved_with_the_same_bits(kind, metric):
         slot = np.full(len(points), -1, dtype=np.int32)
         slot[freed] = np.arange(len(freed))
         rules = table.norm, table.factor, dimension, axis
-        bounds = [0.0] * (len(Patch._fields) - 8)  # none
-        own = Patch(freed, vertices, shapes, slot, *rules, *bounds)
+        own = Patch(freed, vertices, shapes, slot, *rules, enough=0.0, bearable=np.inf, altitude=0.0)
         apart, patch = alone(points, own)
         assert len(apart) <= len(points)
         badness = solve_patch(apart, patch)

@@ -155,8 +155,9 @@ def test_the_gradient_of_patches_against_differences(kind):
         table.norm,
         table.factor,
         *free,
-        0.0,
-        0.0,
+        enough=0.0,
+        bearable=np.inf,
+        altitude=0.0,
     )
     energy = PatchEnergy(points, patch)
     reference = energy.badness().max()

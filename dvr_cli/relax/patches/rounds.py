@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from dvr_cli.boundary.freedom import Freedom
-from dvr_cli.quality.badness import quality_growth
+from dvr_cli.quality.badness import badness_of, quality_growth
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.relax.patches.neighbourhoods import Neighbourhoods
 from dvr_cli.relax.patches.solver import Patch
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from dvr_cli.relax.engines.engine import Engine
 
 PROGRESS = 0.01  # relative growth of a patch's smallest quality below which a layer more is tried
+_HELPED = (
+    0.5  # of the level of care: where a patch stays worse, others would get worse for what is beyond help
+)
 
 
 class Solved(NamedTuple):
@@ -42,6 +45,14 @@ def has_grown(badness: np.ndarray, dimension: int) -> np.ndarray:
     """(P,) bool, the patches whose smallest quality has grown enough; badness: (P, 2) before and after."""
     with np.errstate(invalid="ignore"):  # infinite before and after: no growth
         return quality_growth(badness[:, 0], badness[:, 1], dimension) >= PROGRESS
+
+
+def bearable(enough: float, dimension: int, first: bool) -> float:
+    """The badness above which a patch is left as it was, when with ``enough`` it is good enough.
+
+    Infinite for the first patch of a round, around the worst corner of all, and where nothing is enough.
+    """
+    return np.inf if first or enough == 0.0 else enough * badness_of(_HELPED, dimension)
 
 
 class Rounds(ABC):
@@ -101,8 +112,10 @@ class WholeRounds(Rounds):
         stays = ~engine.has_room(walking)
         tangents.dimension[stays], tangents.axis[stays] = 1, 0.0  # a line that leads nowhere
         self._freedom.dimension[walking], self._freedom.axis[walking] = tangents.dimension, tangents.axis
-        bounds = enough, float(engine.altitude)
-        each = [Patch(*part, self._slot, *self._rules, *bounds) for part in parts]
+        altitude, each = float(engine.altitude), []
+        for number, part in enumerate(parts):
+            bounds = enough, bearable(enough, touched.dimension, number == 0), altitude
+            each.append(Patch(*part, self._slot, *self._rules, *bounds))
         badness = np.array(engine.solve_patches(points, each, time_is_up))
         self._slot[patches.freed] = -1
         grown, turned = has_grown(badness, touched.dimension), engine.turned

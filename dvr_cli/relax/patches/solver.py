@@ -61,7 +61,8 @@ class Patch(NamedTuple):
     moving: (n,) vertices. vertices: (C, d+1), and shapes: (C,), of the corners; d is 2 on a surface. slot:
     (N,) number of each moving vertex among them, negative for all that stay. norm, factor: of ``ShapeTable``.
     dimension: (N,) and axis: (N, d) of ``Freedom``. enough: the badness with which the patch is good enough,
-    0.0 for none. altitude: that below which no element may come, 0.0 for none.
+    0.0 for none. bearable: the badness above which it is left as it was, infinite for none. altitude: that
+    below which no element may come, 0.0 for none.
     """
 
     moving: np.ndarray
@@ -73,11 +74,12 @@ class Patch(NamedTuple):
     dimension: np.ndarray
     axis: np.ndarray
     enough: float
+    bearable: float
     altitude: float
 
 
 def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
-    """Move the vertices of a patch if that makes its smallest quality grow, with no altitude below the bound.
+    """Move the vertices of a patch if its smallest quality grows to what is bearable, within its altitude.
 
     Moves that would take an altitude below are halved, some times, before the patch is left as it was.
     points: (N, d) of a planar or volume mesh, changed in place. Returns the largest badness of the patch
@@ -104,7 +106,8 @@ def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
 def find_moves(points: np.ndarray, patch: Patch) -> np.ndarray:
     """(n, d) how far each vertex of a patch is to move for the patch's smallest quality to grow.
 
-    points: (N, d), which are the same afterwards. Where a corner is not positive nothing is to move.
+    points: (N, d), which are the same afterwards. Where a corner is not positive, or stays worse than is
+    bearable, nothing is to move.
     """
     start = points[patch.moving]
     _, moves = _found(PatchEnergy(points, patch), patch)
@@ -121,6 +124,8 @@ def _found(energy: PatchEnergy, patch: Patch) -> tuple[Any, np.ndarray]:
     for squarings in SQUARINGS[patch.vertices.shape[1] - 3]:
         if _minimise(energy, squarings, patch.enough):
             break
+    if energy.badness().max() > patch.bearable:
+        return before, np.zeros_like(start)
     # the rounding of many steps has added up: back into the lines and planes, with that of one
     return before, energy.inside(energy.inside(energy.points[patch.moving] - start))
 

@@ -74,9 +74,9 @@ def _find(points: np.ndarray, patch: Patch, start: np.ndarray, bad: np.ndarray, 
         up = np.empty((len(bad), 3))
         _look_up(points, patch, up)
     before = _badnesses(points, patch, up, bad)
+    for i in range(len(moved)):
+        moved[i] = 0.0
     if before == np.inf:
-        for i in range(len(moved)):
-            moved[i] = 0.0
         return before
     size, own, seen = _size(points, patch), np.empty(0, dtype=np.int64), np.empty((0, d))
     if MEASURED:
@@ -85,6 +85,8 @@ def _find(points: np.ndarray, patch: Patch, start: np.ndarray, bad: np.ndarray, 
     for squarings in SQUARINGS[0 if PLANAR or ON_SURFACE else 1]:
         if _minimise(points, patch, own, seen, squarings, size, up, bad):
             break
+    if _badnesses(points, patch, up, bad) > patch.bearable:
+        return before
     _take(points, patch.moving, moved)
     for i in range(len(moved)):
         moved[i] -= start[i]

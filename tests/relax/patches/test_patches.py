@@ -69,7 +69,7 @@ def patch_of(run, layers=1, seed=None):
     slot[moving] = np.arange(len(moving))
     dimension, axis = np.full(len(points), d, dtype=np.uint8), np.zeros_like(points)
     table = SHAPES[d].norm, SHAPES[d].factor
-    return points, Patch(moving, vertices, shapes, slot, *table, dimension, axis, 0.0, 0.0)
+    return points, Patch(moving, vertices, shapes, slot, *table, dimension, axis, 0.0, np.inf, 0.0)
 
 
 # ------------------------------------------------------------------------------------------- the guarantee
@@ -328,6 +328,36 @@ def test_a_tangled_patch_is_left_alone():
     outcome = run.patches()
     assert at_least(run.vector(outcome.points), run.vector(before))
     assert outcome.points[inner].tobytes() == before[inner].tobytes()
+
+
+@pytest.mark.parametrize("backend", [NUMPY, COMPILED])
+@pytest.mark.parametrize("kind", ["triangle", "tetra"])
+def test_a_patch_that_stays_worse_than_is_bearable_is_left_alone(kind, backend):
+    solve = backend.twin(solve_patch)
+    points, patch = patch_of(Run(kind, 3))
+    moved = points.copy()
+    before, after = solve(moved, patch)
+    assert after < before
+    for bearable, stays in ((0.99 * after, True), (1.01 * after, False)):
+        again = points.copy()
+        badness = solve(again, patch._replace(bearable=bearable))
+        assert badness == ((before, before) if stays else (before, after))
+        assert again.tobytes() == (points if stays else moved).tobytes()
+
+
+@pytest.mark.parametrize("engine", [NumpyEngine, NumbaEngine])
+def test_what_stays_below_half_the_level_is_helped_around_the_worst_corner_alone(engine):
+    run, ends = Run("tetra", 3, n=5), []
+    for level in (None, 1.9):  # no element is ever as good as half of that
+        run.engine = engine(run.problem)
+        run.engine.load(run.points)
+        ends.append(relax_patches(run.engine, Stopping(max_iterations=1), level=level))
+    every, one = [(end.points != run.points).any(axis=1) for end in ends]
+    assert one.any()
+    assert one.sum() < every.sum()
+    around = run.problem.order[patch_of(run)[1].moving]
+    assert set(np.flatnonzero(one)) <= set(around)
+    assert at_least(run.vector(ends[1].points), run.vector(run.points))
 
 
 def test_nothing_to_relax():
