@@ -24,8 +24,13 @@ settings.register_profile("here", **LOADED)
 settings.register_profile("ci", **LOADED, derandomize=True, database=None, print_blob=True)
 settings.load_profile("ci" if os.environ.get("CI") == "true" else "here")
 
-# what takes long and calls no compiled function
-WITHOUT_KERNELS = ("tests/distributed/", "tests/relax/surface/")
+# what takes long and calls no compiled function, or hardly any
+WITHOUT_KERNELS = (
+    "tests/distributed/",
+    "tests/relax/surface/",
+    "tests/relax/untangle/test_walking.py",
+    "tests/report/",
+)
 # new objects after which Python looks for garbage: the compiler makes many that stay
 GARBAGE = 50_000
 
