@@ -1,9 +1,9 @@
 """Rounds of patches where no rank has the whole problem: the patches that one process would choose.
 
-A patch is of the rank that answers for its seed. Around the worst corners of the whole, some at a time, each
-rank asks others for what lies beyond its own part, and finds which corners each patch would have. Of patches
-that share a corner the first counts: what decides that are the ranks to which the corners are at home. So
-no rank gets to know more than the surroundings of its own seeds.
+Some of the worst corners of the whole at a time are looked at by the ranks that answer for them, or by others
+where one has more than its share. Each rank asks others for what lies around its seeds, and finds which
+corners each patch would have. Of patches that share a corner the first counts: what decides that are the
+ranks to which the corners are at home. So no rank gets to know more than the surroundings of its seeds.
 """
 
 from __future__ import annotations
@@ -25,16 +25,35 @@ from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.patches.neighbourhoods import CANDIDATES, Patches
 from dvr_cli.relax.patches.rounds import Rounds, Solved, bearable, has_grown
 
+_RANGES = 64  # into which a range of places is divided at once
+
+
+class _Seeds(NamedTuple):
+    """The corners that patches may be built around, as other ranks need them.
+
+    place: (m,) among the candidates of all ranks. ids: (m,) in the whole. layers: (m,) to be freed around
+    each. vertices: (m, d+1) see ``Vicinities.relaxed_of``. answerer: (m,) the rank that answers for each, and
+    corner: (m,) its number there.
+    """
+
+    place: np.ndarray
+    ids: np.ndarray
+    layers: np.ndarray
+    vertices: np.ndarray
+    answerer: np.ndarray
+    corner: np.ndarray
+
 
 class _Chosen(NamedTuple):
     """A patch that may come to its turn.
 
-    place: among the candidates of all ranks, and seed: its corner here. vicinity: around it, and patches:
-    this one alone, in the vicinity's numbering.
+    place: among the candidates of all ranks. answerer: the rank that answers for its seed, and corner: the
+    number of that there. vicinity: around it, and patches: this one alone, in the vicinity's numbering.
     """
 
     place: int
-    seed: int
+    answerer: int
+    corner: int
     vicinity: Vicinity
     patches: Patches
 
@@ -80,10 +99,13 @@ class ShareRounds(Rounds):
         grown = has_grown(badness, dimension)
         self._bring(chosen)
         corners, values, of_grown = self._changed(chosen, grown)
+        answerers, seeds = (np.array([one[i] for one in chosen], dtype=np.int64) for i in (1, 2))
+        seeds, badness = sent(self._comm, answerers, seeds, badness)
+        patches, moved = self._comm.allreduce(np.array([len(chosen), moved])).tolist()
         return Solved(
-            patches=self._comm.allreduce(len(chosen)),
-            moved=self._comm.allreduce(moved),
-            seeds=np.array([one.seed for one in chosen], dtype=np.int64),
+            patches=patches,
+            moved=moved,
+            seeds=seeds,
             badness=badness,
             corners=corners,
             quality=values,
@@ -99,8 +121,8 @@ class ShareRounds(Rounds):
         done, some, count = 0, 2 * most, 0
         while done < candidates and count < most:
             end = min(done + some, candidates)
-            new = (place >= done) & (place < end)
-            taken += self._some(worst[new], place[new], layers, taken)
+            new = np.flatnonzero((place >= done) & (place < end))
+            taken += self._some(self._dealt(worst[new], place[new], layers), taken)
             free = first_come(self._comm, [one.wish for one in taken])
             taken = [one for one, is_free in zip(taken, free, strict=True) if is_free]
             done, some = end, 2 * some
@@ -109,26 +131,43 @@ class ShareRounds(Rounds):
             candidates = self._last_place([one.place for one in taken], candidates, most)
         return [one for one in taken if one.place < candidates]
 
-    def _some(
-        self, seeds: np.ndarray, place: np.ndarray, layers: np.ndarray, taken: list[_Chosen]
-    ) -> list[_Chosen]:
+    def _dealt(self, seeds: np.ndarray, place: np.ndarray, layers: np.ndarray) -> _Seeds:
+        """The seeds that this rank looks at, its own or what others have too many of; seeds: its own."""
+        corners, to = self._first[seeds], self._evenly(len(seeds))
+        ids, vertices = self._vicinities.ids(corners), self._vicinities.relaxed_of(corners)
+        rank = np.full(len(seeds), self._comm.rank, dtype=np.int64)
+        return _Seeds(*sent(self._comm, to, place, ids, layers[seeds], vertices, rank, seeds))
+
+    def _evenly(self, number: int) -> np.ndarray:
+        """(number,) the rank for each thing of this one, so that none has more than its share of all."""
+        counts = np.array(self._comm.allgather(number))
+        share = -(-int(counts.sum()) // len(counts))
+        before = np.maximum(counts[: self._comm.rank] - share, 0).sum()
+        full = np.cumsum(np.maximum(share - counts, 0))
+        to = np.full(number, self._comm.rank, dtype=np.int64)
+        to[share:] = np.searchsorted(full, before + np.arange(len(to[share:])), side="right")
+        return to
+
+    def _some(self, seeds: _Seeds, taken: list[_Chosen]) -> list[_Chosen]:
         """The patches around some corners that share no corner with those which this rank has taken."""
-        vicinity = self._vicinities.around(self._first[seeds], layers[seeds] + 1)
-        patches = vicinity.patches(self._vicinities.ids(self._first[seeds]), layers[seeds])
+        vicinity = self._vicinities.around(seeds.vertices, seeds.layers + 1)
+        patches = vicinity.patches(seeds.ids, seeds.layers)
         gone = np.isin(vicinity.ids, _joined([one.wish.things for one in taken], np.int64))
+        which = zip(seeds.place.tolist(), seeds.answerer.tolist(), seeds.corner.tolist(), strict=True)
         return [
-            _Chosen(at, seed, vicinity, one)
-            for at, seed, one in zip(place.tolist(), seeds.tolist(), patches, strict=True)
+            _Chosen(*each, vicinity, one)
+            for each, one in zip(which, patches, strict=True)
             if not gone[one.corners].any()
         ]
 
     def _last_place(self, taken: list[int], candidates: int, most: int) -> int:
-        """The place before which ``most`` patches are taken on all ranks, by halving."""
-        low, high = 0, candidates
+        """The place before which ``most`` patches are taken on all ranks, by ever smaller ranges."""
+        low, high, places = 0, candidates, np.sort(taken)
         while high - low > 1:
-            middle = (low + high) // 2
-            count = self._comm.allreduce(sum(place < middle for place in taken))
-            low, high = (low, middle) if count >= most else (middle, high)
+            ends = np.unique(np.linspace(low, high, _RANGES + 1).astype(np.int64))
+            counts = self._comm.allreduce(np.searchsorted(places, ends[1:]))
+            which = int(np.argmax(counts >= most))
+            low, high = ends[which : which + 2].tolist()
         return high
 
     def _bring(self, chosen: list[_Chosen]) -> None:

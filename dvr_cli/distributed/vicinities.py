@@ -136,18 +136,22 @@ class Vicinities:
         share = self._share
         return share.number[share.part.problem.touched.vertices[corners].min(axis=1)], self.ids(corners)
 
-    def around(self, seeds: np.ndarray, steps: np.ndarray) -> Vicinity:
-        """The corners that some touched corners of this rank lead to in so many steps each.
+    def relaxed_of(self, corners: np.ndarray) -> np.ndarray:
+        """(m, d+1) numbers in the whole of the relaxed vertices of some touched corners, -1 for others."""
+        vertices = self._share.part.problem.touched.vertices[corners]
+        return np.where(self._colour[vertices] >= 0, self._share.number[vertices], -1)
 
-        A step leads to all corners with a common relaxed vertex.
+    def around(self, vertices: np.ndarray, steps: np.ndarray) -> Vicinity:
+        """The corners that the relaxed vertices of some corners lead to, in so many steps each.
+
+        vertices: (m, d+1), see ``relaxed_of``, of whatever rank. A step leads to all corners with a common
+        relaxed vertex.
         """
-        share, vertices = self._share, self._share.part.problem.touched.vertices[seeds]
-        relaxed = self._colour[vertices] >= 0
         new = done = np.empty(0, dtype=np.int64)
         found = []
         for step in range(max(self._comm.allgather(int(steps.max(initial=0)))), 0, -1):
-            now = steps == step
-            begun = share.number[vertices[now][relaxed[now]]]
+            begun = vertices[steps == step]
+            begun = begun[begun >= 0]
             wanted = distinct(np.concatenate([new, begun]))
             wanted = wanted[~np.isin(wanted, done)]
             done = np.concatenate([done, wanted])
