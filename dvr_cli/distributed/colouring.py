@@ -50,8 +50,8 @@ def colours(
     while True:
         some(left, own, incidence.start, incidence.corner, vertices, turn, colour)
         left = left[colour[own[left]] < 0]
-        known = swapped(comm, [colour[there] for there in ghosts[0]])
-        for here, theirs in zip(ghosts[1], known, strict=True):
-            colour[here] = theirs
+        mine = {rank: colour[there] for rank, there in enumerate(ghosts[0]) if len(there)}
+        for rank, theirs in swapped(comm, mine).items():
+            colour[ghosts[1][rank]] = theirs
         if not any(comm.allgather(len(left))):
             return colour

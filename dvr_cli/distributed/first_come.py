@@ -41,7 +41,7 @@ def first_come(comm: Any, wishes: list[Wish]) -> np.ndarray:
         found[order[np.searchsorted(place[order], places)]] = True
         return found
 
-    while any(comm.allgather(bool(open_.any()))):
+    while comm.allreduce(int(open_.any())):
         new = open_ & ~among(homes.waiting())
         lost = among(homes.grant(place[new]))
         granted |= new

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-_SAMPLES = 256  # values that each rank names, between which the rows of all are cut into parts
+# Values that all ranks name, and one at least, between which the rows of all are cut into parts.
+_SAMPLES, _FEWEST = 4096, 16
 
 
 def bounds(n: int, ranks: int) -> np.ndarray:
@@ -20,14 +21,22 @@ def owner_of(numbers: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     return np.searchsorted(bounds, numbers, side="right") - 1
 
 
-def swapped(comm: Any, parts: list[Any]) -> list[Any]:
-    """The part that each rank has for this one; parts: what this one has for each. Its own stays as it is.
+def swapped(comm: Any, parts: dict[int, Any]) -> dict[int, Any]:
+    """The parts that ranks have for this one, by rank, ascending; parts: what this one has for each.
 
-    Where a rank has nothing for another None is quicker to send than anything else.
+    Its own stays as it is. Few of many ranks have to do with each other: others get no message.
     """
-    own = parts[comm.rank]
-    arrived: list[Any] = comm.alltoall([*parts[: comm.rank], None, *parts[comm.rank + 1 :]])
-    arrived[comm.rank] = own
+    sends = np.zeros(comm.size, dtype=np.uint8)
+    sends[list(parts)] = 1
+    comes = np.empty_like(sends)
+    comm.Alltoall(sends, comes)
+    requests = [comm.isend(part, rank) for rank, part in parts.items() if rank != comm.rank]
+    arrived = {
+        rank: parts[rank] if rank == comm.rank else comm.recv(source=rank)
+        for rank in np.flatnonzero(comes).tolist()
+    }
+    for request in requests:
+        request.wait()
     return arrived
 
 
@@ -36,22 +45,25 @@ def sent(comm: Any, to: np.ndarray, *columns: np.ndarray) -> list[np.ndarray]:
 
     to: (n,) the rank that each row is for. Rows for one rank keep their order.
     """
-    order = np.argsort(to, kind="stable")
-    cuts = np.searchsorted(to[order], np.arange(1, comm.size))
-    arrived = _swapped_rows(comm, order, cuts, columns)
-    return [np.concatenate(column) for column in zip(*arrived, strict=True)]
+    return _joined(columns, swapped_rows(comm, to, np.argsort(to, kind="stable"), columns))
 
 
-def _swapped_rows(
-    comm: Any, order: np.ndarray, cuts: np.ndarray, columns: tuple[np.ndarray, ...]
-) -> list[tuple[np.ndarray, ...]]:
-    """The rows of some arrays that each rank has for this one.
+def swapped_rows(
+    comm: Any, to: np.ndarray, order: np.ndarray, columns: tuple[np.ndarray, ...]
+) -> dict[int, tuple[np.ndarray, ...]]:
+    """The rows of some arrays that ranks have for this one, by rank, of those that have any.
 
-    order: the rows of this rank, those for one after those for another, which begin at ``cuts`` (ranks - 1,).
+    to: (n,) the rank that each row of this one is for, and order: (n,) the rows by that.
     """
-    parts = zip(*(np.split(column[order], cuts) for column in columns), strict=True)
+    ranks, start = np.unique(to[order], return_index=True)
+    rows_of = zip(ranks.tolist(), np.split(order, start[1:]), strict=False)  # none for no rank
+    return swapped(comm, {rank: tuple(column[rows] for column in columns) for rank, rows in rows_of})
+
+
+def _joined(columns: tuple[np.ndarray, ...], parts: dict[int, tuple[np.ndarray, ...]]) -> list[np.ndarray]:
+    """The rows of some parts, one after the other; columns: arrays of that kind."""
     nothing = tuple(column[:0] for column in columns)
-    return [part or nothing for part in swapped(comm, [part if len(part[0]) else None for part in parts])]
+    return [np.concatenate(column) for column in zip(nothing, *parts.values(), strict=True)]
 
 
 def asked(
@@ -62,13 +74,15 @@ def asked(
     of: (n,) the rank that is asked for each. answer: gives the rows for what this rank is asked.
     """
     order = np.argsort(of, kind="stable")
-    cuts = np.searchsorted(of[order], np.arange(1, comm.size))
-    questions = [question for (question,) in _swapped_rows(comm, order, cuts, (keys,))]
-    each = [
-        answer(question) if len(question) or rank == comm.rank else None
+    questions = [keys[:0]] * comm.size
+    for rank, (question,) in swapped_rows(comm, of, order, (keys,)).items():
+        questions[rank] = question
+    each = {
+        rank: answer(question)
         for rank, question in enumerate(questions)
-    ]
-    answers = np.concatenate([rows for rows in swapped(comm, each) if rows is not None])
+        if len(question) or rank == comm.rank  # its own, so that there is an answer always
+    }
+    answers = np.concatenate(list(swapped(comm, each).values()))
     rows = np.empty_like(answers)
     rows[order] = answers
     return rows, questions
@@ -79,26 +93,39 @@ def places(comm: Any, *columns: np.ndarray) -> np.ndarray:
 
     The first column counts most. No rank gets more than about its share of them, if few are equal there.
     """
-    ordered = np.sort(columns[0])
-    samples = ordered[np.arange(_SAMPLES) * len(ordered) // _SAMPLES] if len(ordered) else ordered
-    samples = np.sort(np.concatenate(comm.allgather(samples)))
-    if not len(samples):
+    cuts = _cuts(comm, np.sort(columns[0]))
+    if not len(cuts):
         return np.empty(0, dtype=np.int64)
-    cuts = samples[np.arange(1, comm.size) * len(samples) // comm.size]
-    to = np.searchsorted(cuts, columns[0], side="right")
+    to = np.searchsorted(cuts[1:], columns[0], side="right")
     there = np.argsort(to, kind="stable")
-    ends = np.searchsorted(to[there], np.arange(1, comm.size))
-    arrived = _swapped_rows(comm, there, ends, columns)
-    rows = [np.concatenate(column) for column in zip(*arrived, strict=True)]
+    arrived = swapped_rows(comm, to, there, columns)
+    rows = _joined(columns, arrived)
     order = np.lexsort(rows[::-1])
     new = np.zeros(len(order), dtype=bool)
     new[:1] = True
     for row in rows:
         new[1:] |= row[order[1:]] != row[order[:-1]]
     place = np.empty(len(order), dtype=np.int64)
-    place[order] = sum(comm.allgather(int(new.sum()))[: comm.rank]) + np.cumsum(new) - 1
-    counts = np.cumsum([len(part[0]) for part in arrived])
+    place[order] = (comm.exscan(int(new.sum())) or 0) + np.cumsum(new) - 1
+    ends = np.cumsum([len(part[0]) for part in arrived.values()])
+    back = dict(zip(arrived, np.split(place, ends[:-1]), strict=False))
     result = np.empty(len(there), dtype=np.int64)
-    own = [part if len(part) else None for part in np.split(place, counts[:-1])]
-    result[there] = np.concatenate([place[:0], *(part for part in swapped(comm, own) if part is not None)])
+    result[there] = np.concatenate([place[:0], *swapped(comm, back).values()])
     return result
+
+
+def _cuts(comm: Any, ordered: np.ndarray) -> np.ndarray:
+    """(ranks,) values from each of which on about as many of all ranks lie; none where there are no values.
+
+    ordered: (n,) those of this rank, ascending. The first of the cuts is none that separates any.
+    """
+    number = max(_SAMPLES // comm.size, _FEWEST)  # that each rank names
+    samples = np.zeros(number, dtype=ordered.dtype)
+    if len(ordered):
+        samples[:] = ordered[np.arange(number) * len(ordered) // number]
+    known = np.empty((comm.size, number), dtype=ordered.dtype)
+    some = np.empty(comm.size, dtype=np.uint8)
+    comm.Allgather(samples, known)
+    comm.Allgather(np.array([len(ordered) > 0], dtype=np.uint8), some)
+    samples = np.sort(known[some > 0].ravel())
+    return samples[np.arange(comm.size) * len(samples) // comm.size] if len(samples) else samples

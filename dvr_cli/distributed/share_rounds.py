@@ -140,7 +140,8 @@ class ShareRounds(Rounds):
 
     def _evenly(self, number: int) -> np.ndarray:
         """(number,) the rank for each thing of this one, so that none has more than its share of all."""
-        counts = np.array(self._comm.allgather(number))
+        counts = np.empty(self._comm.size, dtype=np.int64)
+        self._comm.Allgather(np.array([number]), counts)
         share = -(-int(counts.sum()) // len(counts))
         before = np.maximum(counts[: self._comm.rank] - share, 0).sum()
         full = np.cumsum(np.maximum(share - counts, 0))

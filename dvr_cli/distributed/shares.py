@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dvr_cli.distributed.rows import asked, bounds, owner_of, places, sent, swapped
+from dvr_cli.distributed.rows import asked, bounds, owner_of, places, sent, swapped, swapped_rows
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.morton import morton_codes
@@ -278,11 +278,11 @@ class Store:
     def _around(self, cells: CellRows, numbers: np.ndarray) -> CellRows:
         """Of the cells of all ranks those with one of these vertices."""
         to = self.owner(numbers)
-        order = np.argsort(to, kind="stable")
-        ranks = np.arange(1, self.comm.size)
-        wanted = swapped(self.comm, np.split(numbers[order], np.searchsorted(to[order], ranks)))
-        near = self._with(cells, np.concatenate(wanted))  # few, as a rule, for each to be looked for in
-        return _each_once(swapped(self.comm, [self._with(near, some) for some in wanted]))
+        wanted = swapped_rows(self.comm, to, np.argsort(to, kind="stable"), (numbers,))
+        # few, as a rule, for each to be looked for in
+        near = self._with(cells, np.concatenate([numbers[:0], *(some for (some,) in wanted.values())]))
+        found = swapped(self.comm, {rank: self._with(near, some) for rank, (some,) in wanted.items()})
+        return _each_once([self._with(near, numbers[:0]), *found.values()])
 
     def _with(self, cells: CellRows, numbers: np.ndarray) -> CellRows:
         """Of some cells of this rank those with one of some of its vertices."""

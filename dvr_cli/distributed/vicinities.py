@@ -10,7 +10,7 @@ import numpy as np
 
 from dvr_cli.backend import Backend
 from dvr_cli.boundary.freedom import Freedom, interior_freedom
-from dvr_cli.distributed.rows import owner_of, swapped
+from dvr_cli.distributed.rows import owner_of, swapped, swapped_rows
 from dvr_cli.distributed.shared_parts import Share
 from dvr_cli.mesh.corners import SHAPES, ShapeTable
 from dvr_cli.mesh.csr import row_entries
@@ -18,6 +18,7 @@ from dvr_cli.mesh.ranks import distinct
 from dvr_cli.mesh.rings import incidence
 from dvr_cli.relax.engines.engine import Engine
 from dvr_cli.relax.patches.neighbourhoods import Patches, choose
+from dvr_cli.relax.patches.phase import LAYERS
 from dvr_cli.relax.patches.solver import Patch
 
 
@@ -149,7 +150,8 @@ class Vicinities:
         """
         new = done = np.empty(0, dtype=np.int64)
         found = []
-        for step in range(max(self._comm.allgather(int(steps.max(initial=0)))), 0, -1):
+        taken = self._comm.allreduce(np.bincount(steps, minlength=LAYERS + 3))
+        for step in range(int(taken.nonzero()[0].max(initial=0)), 0, -1):
             begun = vertices[steps == step]
             begun = begun[begun >= 0]
             wanted = distinct(np.concatenate([new, begun]))
@@ -211,11 +213,10 @@ class Vicinities:
 
     def _asked(self, numbers: np.ndarray) -> list[_Rows]:
         """The corners with any of these relaxed vertices ((k,) by number, ascending), from their owners."""
-        comm = self._comm
-        cuts = np.searchsorted(numbers, self._share.bounds[1:-1])
-        own = [part if len(part) else None for part in np.split(numbers, cuts)]
-        answers = [None if some is None else self._with(some) for some in swapped(comm, own)]
-        return [rows for rows in swapped(comm, answers) if rows is not None]
+        owner = owner_of(numbers, self._share.bounds)
+        wanted = swapped_rows(self._comm, owner, np.arange(len(numbers)), (numbers,))
+        answers = {rank: self._with(some) for rank, (some,) in wanted.items()}
+        return list(swapped(self._comm, answers).values())
 
     def _with(self, numbers: np.ndarray) -> _Rows:
         """The corners with any of some relaxed vertices that this rank owns."""
