@@ -65,6 +65,8 @@ def colour_ready(
             for k in range(vertices.shape[1]):
                 other = vertices[corner[entry], k]
                 taken |= bit[other] if turn[other] < turn[vertex] else np.uint64(0)
+            if taken & _WAITED_FOR:
+                break
         if taken & _WAITED_FOR:
             continue
         free = 0
