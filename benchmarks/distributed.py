@@ -7,7 +7,6 @@ Idle ranks spin, so only CPU seconds of a rank's own work count, never seconds.
 from __future__ import annotations
 
 import json
-import pickle
 import subprocess
 import sys
 import time
@@ -22,6 +21,7 @@ import meshes
 from common import fastest, print_table
 from dvr_cli.distributed.member import Member
 from dvr_cli.distributed.parts import Partition, along_curve
+from dvr_cli.distributed.rows import _FEWEST, _SAMPLES, sent
 from dvr_cli.files.formats import format_named
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
@@ -35,8 +35,9 @@ _BYTES = 24  # of a vertex
 # Assumed of a network: seconds until a message is there, with what mpi4py takes, and bytes a second.
 _LATENCY, _BANDWIDTH = 10e-6, 5e9
 _TETRAHEDRA = 10**9
-_SAMPLES = 256  # that each rank names where ranks put rows in one order
 _ROUND_SHARE = 3e-4 / 8  # patches of a round, as a part of the corners
+# What a round takes, and of that what does not come to all ranks alike.
+_OF_ROUND = ("all",), ("answering", "solving")
 _RANDOM, _DEFAULT = ("-d", "random"), ("--patches",)  # runs, of two sweeps and rounds of each phase
 _WITH_LEAD = (*_RANDOM, "--fail-above", "max-angle=180")  # what keeps a rank from having a share alone
 
@@ -67,9 +68,18 @@ def run(quick: bool) -> None:
         for name, more in runs.items()
     ]
     print_table("No rank has the mesh: the worst rank; bytes above a tiny mesh's", header, rows)
-    header = ["vertices", "reading, setting up, measuring twice, writing: in sweeps"]
-    alone = [[n, _command(1, n, *_RANDOM)[0]["seconds"] / one[n][0]["kernels"]] for n in sizes]
-    print_table("No rank has the mesh: one rank, which waits for nobody", header, alone)
+    steps = {n: _setup(n) for n in sizes}
+    header = [
+        "vertices",
+        "ms a sweep",
+        *(name for name in steps[sizes[0]] if name != "sweep"),
+        "all but loading",
+    ]
+    rows = []
+    for n, parts in steps.items():
+        sweep = parts.pop("sweep")
+        rows.append([n, sweep * 1e3, *parts.values(), sum(parts.values()) - parts["loading"]])
+    print_table("No rank has the mesh: set-up of the slower of 2 ranks, in sweeps of it", header, rows)
 
     mesh = meshes.raw_tets(2_000 if quick else 1_000_000)
     problem = _problem(mesh)
@@ -89,7 +99,7 @@ def run(quick: bool) -> None:
 
     alone, several = (_rounds(ranks, sizes[-1]) for ranks in (1, 8))
     header = ["ranks", "rounds", "patches of the busiest / mean", "collective calls a round"]
-    header += ["alltoalls a round", "kB a patch", "ms of CPU a patch, solved alone"]
+    header += ["exchanges a round", "messages a patch", "bytes a patch", "ms of CPU a patch, solved alone"]
     rows = [[ranks, *_of_rounds(each)] for ranks, each in ((1, alone), (8, several))]
     print_table(f"Rounds of patches of {sizes[-1]} vertices, counted", header, rows)
     header = ["ranks", "patches a rank and round", "busiest / mean", "its seconds", "seconds of calls"]
@@ -183,23 +193,37 @@ def model(ranks: int, counted: Counts, update: float) -> list[object]:
 def patches_model(ranks: int, alone: list[dict[str, float]], several: list[dict[str, float]]) -> list[object]:
     """Ranks, patches a rank, and what a round takes, from rounds on one rank and on several.
 
-    Seeds lie on any rank alike, so the busiest has what is to be expected of the largest of so many Poisson
-    variables. A call takes a part from each rank, mostly none or a number, of which making and reading is
-    measured, and waits for one message in log2(ranks) steps; parts that arrive while others are made cost
-    nothing more. Ranks sort what all name to cut a list into parts.
+    Ranks look at equally many seeds, but which patches are taken of those, and what lies where others ask
+    for it, comes at random: of that the busiest has what is to be expected of the largest of so many Poisson
+    variables. A call goes through two messages in log2(ranks) steps, and makes arrays with a row for each
+    rank, which is measured. Messages of a patch are as many as counted, however many ranks there are.
     """
     mean = _ROUND_SHARE * _TETRAHEDRA / ranks
     busiest = _largest_poisson(mean, ranks)
-    own = alone[0]["all"] / alone[0]["patches"]
-    part = _fastest(lambda: [pickle.loads(pickle.dumps(None)) for _ in range(100)]) / 100
+    own, uneven = ((sum(alone[0][name] for name in names)) / alone[0]["patches"] for names in _OF_ROUND)
+    even = (own - uneven) * float(np.ceil(2.0 * mean)) / 2.0
     number = (several[0]["to all"] + several[0]["small"]) / several[0]["rounds"]
-    calls = number * (ranks * part + np.ceil(np.log2(ranks)) * _LATENCY)
-    samples = np.random.default_rng(0).random(_SAMPLES * ranks)
-    calls += _fastest(lambda: np.sort(samples), 3) + samples.nbytes / _BANDWIDTH
-    sent = sum(rank["bytes"] for rank in several) / sum(rank.get("patches", 0) for rank in several)
-    calls += busiest * sent / _BANDWIDTH
-    seconds = busiest * own
+    exchanges = several[0]["to all"] / several[0]["rounds"]
+    rows = _fastest(lambda: sent(_Nobody(ranks), np.empty(0, np.int64), np.empty(0)), 100)
+    calls = number * 2 * np.ceil(np.log2(ranks)) * _LATENCY + exchanges * rows
+    named = max(_SAMPLES // ranks, _FEWEST) * ranks
+    calls += _fastest(lambda: np.sort(np.random.default_rng(0).random(named)), 3) + 8 * named / _BANDWIDTH
+    count = sum(rank.get("patches", 0) for rank in several)
+    messages, size = (sum(rank[name] for rank in several) / count for name in ("messages", "bytes"))
+    calls += busiest * (messages * _LATENCY + size / _BANDWIDTH)
+    seconds = even + busiest * uneven
     return [ranks, mean, busiest / mean, seconds, float(calls), float(mean * own / (seconds + calls))]
+
+
+class _Nobody:
+    """A communicator of many ranks, none of which has anything to send."""
+
+    def __init__(self, size: int) -> None:
+        self.rank, self.size = 0, size
+
+    def Alltoall(self, sends: np.ndarray, comes: np.ndarray) -> None:
+        """Nothing comes."""
+        comes[:] = 0
 
 
 def _largest_poisson(mean: float, n: int) -> int:
@@ -232,7 +256,7 @@ def _rounds(ranks: int, n: int) -> list[dict[str, float]]:
 
 
 def _of_rounds(each: list[dict[str, float]]) -> list[object]:
-    """Rounds, busiest over mean, calls and alltoalls a round, kB and ms a patch, ms solved."""
+    """Rounds, busiest over mean, calls and exchanges a round, messages and bytes a patch, ms solved."""
     patches = [rank.get("patches", 0.0) for rank in each]
     rounds, total = each[0]["rounds"], sum(patches)
     return [
@@ -240,7 +264,7 @@ def _of_rounds(each: list[dict[str, float]]) -> list[object]:
         max(patches) * len(patches) / total,
         round(each[0]["small"] / rounds),
         round(each[0]["to all"] / rounds),
-        sum(rank["bytes"] for rank in each) / total / 1e3,
+        *(sum(rank.get(name, 0.0) for rank in each) / total for name in ("messages", "bytes")),
         sum(rank.get("solving", 0.0) for rank in each) / total * 1e3,
     ]
 
@@ -254,6 +278,14 @@ def _command(ranks: int, n: int, *more: str) -> list[dict[str, float]]:
     """What each rank of the command on a file says; more: options."""
     script = Path(__file__).with_name("distributed_rank.py")
     return _said(ranks, [script, fastest(), _as_vtk(n), *more])
+
+
+def _setup(n: int) -> dict[str, float]:
+    """The seconds of a sweep and what steps of the set-up take in sweeps, of the rank that takes most."""
+    script = Path(__file__).with_name("distributed_setup.py")
+    for _ in range(2):  # the first may compile
+        each = _said(2, [script, fastest(), _as_vtk(n)])
+    return max(each, key=lambda rank: sum(rank.values()) - rank["loading"] - rank["sweep"])
 
 
 def _said(ranks: int, script: list[object]) -> list[dict[str, float]]:

@@ -20,29 +20,36 @@ from mpi4py import MPI
 from dvr_cli.cli.main import main
 from dvr_cli.distributed import share_rounds
 from dvr_cli.distributed.share_rounds import ShareRounds
+from dvr_cli.distributed.vicinities import Vicinities
 
 _ROUNDS = 4
 found: Counter[str] = Counter()
 
 
-class Counting:
+class Counting(MPI.Intracomm):
     """A communicator that counts what goes through it."""
 
-    def __init__(self, comm: Any) -> None:
-        self._comm = comm
+    def isend(self, part: Any, rank: int) -> Any:
+        """Send a rank something."""
+        found["messages"] += 1
+        found["bytes"] += len(pickle.dumps(part))
+        return super().isend(part, rank)
 
-    def __getattr__(self, name: str) -> Any:
-        value = getattr(self._comm, name)
-        if name not in ("allgather", "allreduce", "alltoall"):
-            return value
 
-        def counted(parts: Any) -> Any:
-            found["to all" if name == "alltoall" else "small"] += 1
-            if name == "alltoall":
-                found["bytes"] += sum(len(pickle.dumps(part)) for part in parts if part is not None)
-            return value(parts)
+def called(name: str, of: str) -> None:
+    """Have calls of a communicator counted under a name."""
+    function = getattr(MPI.Intracomm, of)
 
-        return counted
+    def counted(*arguments: Any) -> Any:
+        found[name] += 1
+        return function(*arguments)
+
+    setattr(Counting, of, counted)
+
+
+for each in "Allgather", "allgather", "allreduce", "exscan":
+    called("small", each)
+called("to all", "Alltoall")
 
 
 def timed(function: Callable[..., Any], name: str) -> Callable[..., Any]:
@@ -94,6 +101,7 @@ with tempfile.TemporaryDirectory() as folder:
     assert main(words) == 0  # all is compiled
     ShareRounds.__init__ = counting(ShareRounds.__init__)  # type: ignore[method-assign]
     ShareRounds.solve = counted_round(ShareRounds.solve)  # type: ignore[method-assign]
+    Vicinities._with = timed(Vicinities._with, "answering")  # type: ignore[method-assign]
     kind = share_rounds.Engine
     kind.solve_patches = solved(kind.solve_patches)  # type: ignore[method-assign]
     assert main(words) == 0
