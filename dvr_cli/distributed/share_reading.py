@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dvr_cli.distributed.ranks import agree
 from dvr_cli.distributed.rows import bounds
 from dvr_cli.distributed.shares import CellRows, Kinds, Store, joined
 from dvr_cli.errors import InputError
@@ -19,6 +20,7 @@ from dvr_cli.mesh.ranks import distinct
 from dvr_cli.mesh.regions import names_of_regions
 
 _MOST = 100_000  # values of a tag, and kinds of cells, that all ranks may know
+_LARGEST = 2**62  # of tags
 
 
 class Read(NamedTuple):
@@ -62,28 +64,34 @@ def read_share(comm: Any, source: Path, ranges: Ranges, field: str | None = None
                 rows = rows[:, ranges.order[name]]
             cells.append((rows - rows.dtype.type(ranges.base)).astype(index))
             kinds.append(table.kinds(source, *own))
-            if len(kinds[-1][0]) > _MOST:
+            if len(kinds[-1][0]) > _MOST or any(
+                abs(tag) >= _LARGEST for tags in kinds[-1][0] for tag in tags
+            ):
                 return None
     except OSError as error:
         raise InputError(f"{source}: {(error.strerror or str(error)).lower()}") from error
     return Read(points, cells, kinds, values)
 
 
-def values_of_tags(comm: Any, source: Path, ranges: Ranges) -> list[np.ndarray]:
-    """The distinct values of each tag among the rows of this rank; raises InputError as ``read_share``."""
+def values_of_tags(comm: Any, source: Path, ranges: Ranges) -> list[np.ndarray | None]:
+    """The distinct values of each tag among the rows of this rank, None where some are no whole numbers.
+
+    Raises InputError as ``read_share``.
+    """
     tables = [(table, *own_range(comm, table)) for _, table in ranges.cells]
-    found = []
+    found: list[np.ndarray | None] = []
     try:
         for nth in range(len(ranges.names)):
             parts = [table.values(source, first, last, nth) for table, first, last in tables]
-            found.append(distinct(np.concatenate(parts)))
+            whole = [part for part in parts if part is not None]
+            found.append(distinct(np.concatenate(whole)) if len(whole) == len(parts) else None)
     except OSError as error:
         raise InputError(f"{source}: {(error.strerror or str(error)).lower()}") from error
     return found
 
 
 def with_regions(
-    comm: Any, ranges: Ranges, values: list[np.ndarray]
+    comm: Any, ranges: Ranges, values: list[np.ndarray | None]
 ) -> tuple[Ranges, tuple[str, ...]] | None:
     """The ranges without tags that say nothing, and the names of those that tell regions apart.
 
@@ -91,12 +99,15 @@ def with_regions(
     """
     known: dict[str, int] = {}
     for name, own in zip(ranges.names, values, strict=True):
+        if not agree(comm, own is not None) or own is None:
+            continue  # it is no tag
         if max(comm.allgather(len(own))) > _MOST:
             known[name] = _MOST + 1
         else:
             known[name] = len(distinct(np.concatenate(comm.allgather(own))))
     regions = names_of_regions(known, sum(ranges.counts.values()))
-    kept = [nth for nth, name in enumerate(known) if name in regions or is_physical(name)]
+    tags = [name for name in known if name in regions or is_physical(name)]
+    kept = [nth for nth, name in enumerate(ranges.names) if name in tags]
     names = tuple(ranges.names[nth] for nth in kept)
     if any(known[name] > _MOST for name in names):
         return None

@@ -16,6 +16,7 @@ import numpy as np
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.ranks import ranks
 
+_LARGE = 2.0**62  # of which size real numbers stand for all larger ones
 LINEAR = ("vertex", "line", "triangle", "quad", "tetra", "hexahedron", "wedge", "pyramid")
 
 
@@ -158,11 +159,20 @@ class Table:
             found.append(np.array(at, dtype=np.int32)[place])
         return list(known), np.concatenate(found)
 
-    def values(self, path: Path, first: int, last: int, nth: int) -> np.ndarray:
-        """The distinct values of one tag of the rows first .. last, ascending; raises OSError."""
+    def values(self, path: Path, first: int, last: int, nth: int) -> np.ndarray | None:
+        """The distinct values of one tag of the rows first .. last, ascending; raises OSError.
+
+        None where they are no whole numbers. Real ones may be larger than what is returned for them.
+        """
         tags = [(part.tags[nth], lo, hi) for part, lo, hi in self.stretches(first, last)]
         found = [tag.read(path, lo, hi) if isinstance(tag, Rows) else [tag] for tag, lo, hi in tags]
-        return np.unique(np.concatenate([np.ravel(some).astype(np.int64) for some in [[], *found]]))
+        values = [np.ravel(some) for some in [[], *found]]
+        real = [n for n, some in enumerate(values) if some.dtype.kind == "f"]
+        for n in real:
+            if not (np.isfinite(values[n]) & (values[n] == np.rint(values[n]))).all():
+                return None
+            values[n] = np.clip(values[n], -_LARGE, _LARGE)
+        return np.unique(np.concatenate([some.astype(np.int64) for some in values]))
 
     def with_tags(self, which: Sequence[int]) -> Table:
         """The table with these of its tags alone."""

@@ -79,6 +79,8 @@ RUNS = (
     ("tetra tangled", "--metric metric -n 2 --patches"),
     ("quad layered", "--metric metric -n 2 --polish"),
     ("raw-data.vtu", "--metric metric -d random -n 2"),
+    ("tetra real", "-n 3"),
+    ("triangle real", "--boundary slide --fix 1 -d random -n 3"),
     ("41-links.msh", "-n 3"),
     ("41-links.msh", "--boundary slide -d random -n 40 --tol 1e-3"),
     ("22-links.msh", "--fix left -d random -n 3"),
@@ -164,7 +166,13 @@ def write(folder, name):
         fields = {"metric": tensors_at(points)}
         if "indefinite" in how:
             fields["metric"][-1, 0] = -1.0
-        meshio.Mesh(points, cells, fields).write(path, file_format="vtk", binary=True)
+        data = {}
+        if "real" in how:  # whole numbers, which are tags, and others, and one too large for 64 bits
+            part = [np.rint(3.0 * points[rows].mean(axis=1)[:, 0]) for _, rows in cells]
+            data = {"material": part, "region": [values / 2.0 for values in part]}
+        if "large" in how:
+            data["material"][0][:9] = 1e19
+        meshio.Mesh(points, cells, fields, data).write(path, file_format="vtk", binary=True)
         return path
     mesh = random_mesh("tetra", 1, n=5, noise=0.25)
     points, cells = mesh.points, mesh.cells[0].vertices
@@ -296,7 +304,7 @@ def test_what_is_tangled_goes_to_one_rank_and_no_more(tmp_path, on_ranks):
 
 @pytest.mark.long
 def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
-    """A mesh that is flat as a whole, one with a cell twice: a rank has them whole.
+    """A mesh that is flat as a whole, one with a cell twice, one with huge tags: a rank has them whole.
 
     Of Gmsh's files one with a triangle twice, as for each of its groups.
     """
@@ -312,13 +320,14 @@ def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
             ["smooth", str(tmp_path / f"{name}.vtk"), f"{name}-out.vtk", "-d", "random", "-n", "2"]
         )
         commands[-1] += ["--engine", "numpy", "--quiet"]
+    commands.append(["smooth", str(write(tmp_path, "tetra real large")), "large-out.vtk", *commands[-1][3:]])
     (tmp_path / "groups.msh").write_bytes(gmsh_22(plain, again="triangle"))
     (tmp_path / "volumes.msh").write_bytes(gmsh_22(plain, again="tetra"))
     (tmp_path / "parametric.msh").write_bytes(gmsh_41(plain, parametric=30))  # of nodes that move, too
     for name in "groups", "volumes", "parametric":
         commands.append(["smooth", str(tmp_path / f"{name}.msh"), f"{name}-out.msh", *commands[-1][3:]])
     done, ends = job(on_ranks, 3, tmp_path, [[*command, "--mpi"] for command in commands])
-    assert (done.stderr, ends) == ("", [0] * 5)
+    assert (done.stderr, ends) == ("", [0] * 6)
     (tmp_path / "alone").mkdir()
     assert in_one_process(tmp_path / "alone", commands) == ends
     for path in (tmp_path / "alone").iterdir():

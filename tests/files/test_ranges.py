@@ -107,15 +107,13 @@ def test_of_damaged_files_processes_read_nothing_that_one_would_not(tmp_path, na
 
 
 def test_files_with_more_than_that_are_read_by_one_process(tmp_path):
-    """Text, 32 bits, tags that are no integers, curved cells, nodes in another order."""
+    """Text, 32 bits, curved cells, nodes in another order."""
     mesh, path = delaunay(30, 3, 2), tmp_path / "mesh.vtk"
     cells = [("tetra", mesh.cells[0].vertices)]
-    data = {"material": [np.arange(len(cells[0][1])) / 2.0]}
     curved = np.arange(10)[None]
     others = (
         (meshio.Mesh(mesh.points, cells), {"binary": False}),
         (meshio.Mesh(mesh.points.astype(np.float32), cells), {}),
-        (meshio.Mesh(mesh.points, cells, cell_data=data), {}),
         (meshio.Mesh(mesh.points, [("tetra10", curved)]), {}),
         (meshio.Mesh(mesh.points, [*cells, ("tetra10", curved)]), {}),
     )

@@ -71,7 +71,7 @@ def _tags_among(data: Mapping[str, Rows]) -> dict[str, Rows] | None:
         number, named = np.dtype(rows.dtype), is_region_name(name)
         if rows.columns > 1 or (is_no_region(name) and not named) or (number.kind == "f" and not named):
             continue
-        if number.kind == "f" or number == np.uint64:
+        if number == np.uint64:
             return None
         tags[name] = rows
     return tags
