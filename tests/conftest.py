@@ -67,7 +67,7 @@ def _no_process_compiles() -> Iterator[None]:
         return
     sorts = import_module("dvr_cli.api.warming").SORTS
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dvr_cli.relax.engines.handover._started", dict.fromkeys(sorts))
+        patch.setattr("dvr_cli.relax.engines.handover._started", {sort: [] for sort in sorts})
         yield
 
 

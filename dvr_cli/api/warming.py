@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from threading import Thread
 from typing import Any
@@ -15,7 +16,7 @@ import numpy as np
 
 from dvr_cli.api.options import SmoothOptions
 from dvr_cli.api.smoothing import smooth_mesh
-from dvr_cli.backend import COMPILED
+from dvr_cli.backend import COMPILED, NUMPY, Backend
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.corners import Simplices
 from dvr_cli.mesh.mesh import Cells, Mesh
@@ -65,14 +66,14 @@ def warm_up(say: Callable[[str], None]) -> str:
     return folder
 
 
-def compile_for(sort: str) -> None:
+def compile_for(sort: str, *halves: str) -> None:
     """Compile for meshes of a sort in a process of its own, which ends when its stdin is closed.
 
-    First come the kernels of the engine, so that it can take over from NumPy's; then READY is said on stdout,
-    and those follow by which later runs are set up.
+    halves: of the kernels that a run uses, by name, which is said on stdout when they are compiled. Then
+    those follow by which later runs are set up.
     """
     from dvr_cli.jit import compile_in_turn
-    from dvr_cli.relax.engines.handover import READY
+    from dvr_cli.relax.engines.handover import MOVES, TWINS
 
     Thread(target=_end_with_stdin, daemon=True).start()
     if hasattr(os, "nice"):
@@ -82,13 +83,18 @@ def compile_for(sort: str) -> None:
     mesh, more = SORTS[sort]()
     more = {name: value for name, value in more.items() if name != "order"}
 
-    def compiled(_: EngineKind, problem: Problem, threads: int | None) -> Engine:
-        return KINDS["numba"].make(problem, threads)
-
-    smooth_mesh(mesh, replace(_OPTIONS, engine="numpy", **more), make=compiled)
-    sys.stdout.buffer.write(READY + b"\n")
-    sys.stdout.buffer.flush()
+    compiled = {MOVES: ("numba", NUMPY), TWINS: ("numpy", COMPILED)}  # engine, backend
+    for half in halves:
+        smooth_mesh(mesh, replace(_OPTIONS, engine="numpy", **more), make=partial(_made, *compiled[half]))
+        print(half, flush=True)
     smooth_mesh(mesh, replace(_OPTIONS, engine="numba", **more))
+
+
+def _made(name: str, backend: Backend, _: EngineKind, problem: Problem, threads: int | None) -> Engine:
+    """The engine of a name, with twins of any backend."""
+    engine = KINDS[name].make(problem, threads)
+    engine.backend = backend
+    return engine
 
 
 def _end_with_stdin() -> None:

@@ -231,7 +231,7 @@ class Engine(ABC):
             return self, active
         other = self._over(self.problem.of_rings(np.flatnonzero(active)))
         other._set(self._get())  # which shares them
-        other.altitude = self.altitude
+        other.altitude, other.backend = self.altitude, self.backend
         return other, None
 
     def _over(self, problem: Problem) -> Engine:
@@ -369,23 +369,23 @@ class Engine(ABC):
         points: (N, d), this engine's coordinates, changed in place. The patches share no corner. time_is_up:
         asked before each; once true the rest is left alone, and has the same badness before and after.
         """
-        solve = self._solver(points)
+        solve = self._solver(points, self.backend)
 
         def solved(patch: Patch) -> tuple[float, float]:
             return (1.0, 1.0) if time_is_up() else solve(patch)
 
         return self._each(solved, patches)
 
-    def _solver(self, points: np.ndarray) -> Callable[[Patch], tuple[float, float]]:
+    def _solver(self, points: np.ndarray, backend: Backend) -> Callable[[Patch], tuple[float, float]]:
         """The function that moves the vertices of a patch; see ``solve_patches``."""
         from dvr_cli.relax.patches.solver import find_moves, solve_patch  # not for runs without patches
 
         carriers, standing = self.problem.carriers, self._standing
         if carriers is None or standing is None:
-            return partial(self.backend.twin(solve_patch), points)
+            return partial(backend.twin(solve_patch), points)
         from dvr_cli.relax.surface.joint import move_jointly
 
-        find, move = self.backend.twin(find_moves), self.backend.twin(move_jointly)
+        find, move = backend.twin(find_moves), backend.twin(move_jointly)
         walk, ring = self._walkers(carriers, standing), self._ring_of
         rules = carriers.limit, float(self.altitude), self._largest_ring
 

@@ -29,12 +29,12 @@ class NumpyEngine(Engine):
         """threads: one is used, whatever is asked for."""
         super().__init__(problem)
         self._dimension = problem.dimension
-        self._coordinates = np.empty((problem.components, 0))
+        self._coordinates = np.empty((0, problem.components)).T
         parts = [problem.parts(batch) for batch in range(self.batches)]
         self._batches = [list(ring_chunks(problem, lo, walking)) for lo, walking, _ in parts]
 
     def _set(self, points: np.ndarray) -> None:
-        self._coordinates = np.ascontiguousarray(points.T)
+        self._coordinates = np.ascontiguousarray(points).T  # as kernels read them
 
     def _get(self) -> np.ndarray:
         return self._coordinates.T
