@@ -62,7 +62,8 @@ def warm_up(say: Callable[[str], None]) -> str:
         mesh, more = made()
         smooth_mesh(mesh, replace(options, **more))
     say("meshes that ranks share")
-    _colour(_cube("tetra"))
+    for mesh in (_cube("tetra"), _square()):
+        _share(mesh)
     return folder
 
 
@@ -108,20 +109,24 @@ class _Alone:
 
     rank, size = 0, 1
 
-    def alltoall(self, given: list[Any]) -> list[Any]:
-        """The things given to this rank, one of each."""
-        return given
+    def Alltoall(self, given: np.ndarray, taken: np.ndarray) -> None:
+        """Take what each rank gives, which is this one alone."""
+        taken[:] = given
 
     def allgather(self, given: Any) -> list[Any]:
         """The things given to all ranks, one of each."""
         return [given]
 
 
-def _colour(mesh: Mesh) -> None:
-    """Colour the inner vertices of a mesh as ranks do that share it."""
+def _share(mesh: Mesh) -> None:
+    """Look for layers in a mesh, and colour its inner vertices, as ranks do that share it."""
     from dvr_cli.distributed.colouring import colours, turns
+    from dvr_cli.quality.mean_ratio import corner_qualities
+    from dvr_cli.quality.stretching import stretched_among
 
     domain = _OPTIONS.domain(mesh, COMPILED)
+    everywhere = np.ones(len(mesh.points), dtype=bool)
+    stretched_among(domain, everywhere, corner_qualities(domain.points, domain.corners, COMPILED))
     corners, number = domain.corners, np.arange(len(mesh.points), dtype=np.int32)
     touch = COMPILED.twin(touched_corners)
     vertices, shapes, _ = touch(corners.vertices, corners.shapes, domain.interior, number)
