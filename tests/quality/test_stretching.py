@@ -165,17 +165,24 @@ def test_the_compiled_search_keeps_the_same_cells_to_the_bit(kind, seed, power, 
         assert compiled.max_aspect == plain.max_aspect
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_compiled_search_leaves_out_no_seed(kind):
-    """Against the third averages of all cells, and with the estimate a hundredth away at most."""
-    require("numba")
-    found = 0
+def _squeezed_ever_more(kind):
+    """Seed, domain, qualities of corners, which cells are positive, and the cells with their stretching."""
     for seed, power in ((0, 2.0), (1, 3.0), (2, 5.0), (3, 8.0)):
         domain = domain_of(squeezed(kind, seed, power, 0.6))
         corners, quality = domain.corners, _qualities(domain)
         positive = corners.by_cell(np.minimum, quality) > FORMED[domain.dimension]
         cells = stretching._Cells(domain)
         tensor = cells.from_corners(stretching._stretching(domain.points, corners, positive))
+        yield seed, domain, quality, positive, cells, tensor
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_compiled_search_leaves_out_no_seed(kind):
+    """Against the third averages of all cells, and with the estimate a hundredth away at most."""
+    require("numba")
+    found = 0
+    for _, domain, quality, positive, cells, tensor in _squeezed_ever_more(kind):
+        corners = domain.corners
         aspect = stretching._log_aspect(cells.thrice(tensor))
         parts = corners.vertices, corners.shapes, corners.start, stretching.roots(corners.table)
         likely = COMPILED.twin(stretching.candidates)(domain.points, *parts, quality, positive)
@@ -325,12 +332,8 @@ def test_each_vertex_in_whose_cells_stretching_is_large_on_average_is_found(kind
     if backend is COMPILED:
         require("numba")
     found = 0
-    for seed, power in ((0, 2.0), (1, 3.0), (2, 5.0), (3, 8.0)):
-        domain = domain_of(squeezed(kind, seed, power, 0.6))
-        corners, quality = domain.corners, _qualities(domain)
-        positive = corners.by_cell(np.minimum, quality) > FORMED[domain.dimension]
-        cells = stretching._Cells(domain)
-        tensor = cells.from_corners(stretching._stretching(domain.points, corners, positive))
+    for seed, domain, quality, positive, _, tensor in _squeezed_ever_more(kind):
+        corners = domain.corners
         average = np.zeros((len(domain.points), tensor.shape[1]))
         rows, cell = corners.vertices, np.repeat(np.arange(len(tensor)), np.diff(corners.start))
         np.add.at(average, rows, tensor[cell][:, None])

@@ -18,9 +18,8 @@ if TYPE_CHECKING:
     from dvr_cli.relax.engines.engine import Engine
 
 PROGRESS = 0.01  # relative growth of a patch's smallest quality below which a layer more is tried
-_HELPED = (
-    0.5  # of the level of care: where a patch stays worse, others would get worse for what is beyond help
-)
+# Of the level of care: a patch that stays worse is left, as others would get worse for what is beyond help.
+_HELPED = 0.5
 
 
 class Solved(NamedTuple):
