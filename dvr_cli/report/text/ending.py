@@ -25,7 +25,7 @@ def _reason(report: SmoothReport) -> str:
     patches = any(phase.phase == "patches" for phase in report.phases)
     if report.stopped_because is StopReason.CONVERGED and report.level is not None:
         how = ", alone or jointly" if patches else ""
-        return f"converged: below {digits(report.level)}, the level of care, nothing gains enough{how}"
+        return f"converged: little is gained below {digits(report.level)}, the level of care{how}"
     if report.stopped_because is StopReason.CONVERGED and patches:
         return "converged: moved jointly, the surroundings of the worst element gain no more"
     return {
