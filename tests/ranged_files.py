@@ -21,6 +21,7 @@ FILES = ("5.1.vtk", "4.2.vtk", "41.msh", "41-big.msh", "22.msh", "22-batches.msh
 MIXED = ("5.1-mixed.vtk", "4.2-mixed.vtk", "41-mixed.msh", "22-mixed.msh", "raw-mixed.vtu")
 DATA = ("5.1-data.vtk", "4.2-data.vtk", "41-data.msh", "22-data.msh", "raw-data.vtu")
 LINKS = ("41-links.msh", "22-links.msh")
+NUMBERED = ("41-order.msh", "41-gaps.msh", "41-big-gaps.msh", "22-order.msh", "22-batches-gaps.msh")
 PLANAR = ("5.1-planar.vtk", "41-planar.msh", "22-planar.msh", "raw-planar.vtu")
 _CODES = {"vertex": 15, "line": 1, "triangle": 2, "quad": 3, "tetra": 4}
 _CODES |= {"hexahedron": 5, "wedge": 6, "pyramid": 7}
@@ -29,9 +30,9 @@ _CODES |= {"hexahedron": 5, "wedge": 6, "pyramid": 7}
 def write_ranged(folder: Path, name: str) -> Path:
     """The file of this name, one of FILES, of MIXED with several types of cells, or of PLANAR in a plane.
 
-    Those of LINKS have periodic links, of vertices inside too. Those of DATA have fields on cells and points,
-    one of which tells regions apart; of Gmsh's fields, and of 4.1 a volume in two groups and a node with a
-    parameter.
+    Those of LINKS have periodic links, of vertices inside too; those of NUMBERED such links, and nodes
+    numbered in any order, maybe with gaps. Those of DATA have fields on cells and points, one of which tells
+    regions apart; of Gmsh's fields, and of 4.1 a volume in two groups and a node with a parameter.
     """
     kind = {"mixed": "mixed3d", "planar": "mixed2d"}.get(Path(name).stem.split("-")[-1], "tetra")
     mesh, path = random_mesh(kind, 1, n=4, noise=0.2), folder / name
@@ -44,13 +45,23 @@ def write_ranged(folder: Path, name: str) -> Path:
     elif path.suffix == ".vtu":
         raw_vtu(path, mesh, order, "data" in name)
     elif name.startswith("41"):
+        tags = tags_of(name, len(mesh.points), 2**40)
         how = {"groups": 2, "parametric": 1, "more": views(order)} if "data" in name else {}
-        how |= {"more": links(order, older=False)} if "links" in name else {}
-        path.write_bytes(gmsh_41(mesh, order, **how))
+        how |= {"more": links(order, False, tags)} if name in (*LINKS, *NUMBERED) else {}
+        path.write_bytes(gmsh_41(mesh, order, tags, **how))
     else:
-        more = views(order) if "data" in name else links(order, older=True) if "links" in name else b""
-        path.write_bytes(gmsh_22(mesh, order, "batches" in name, more=more))
+        tags = tags_of(name, len(mesh.points), 10**9)
+        linked = links(order, True, tags) if name in (*LINKS, *NUMBERED) else b""
+        more = views(order) if "data" in name else linked
+        path.write_bytes(gmsh_22(mesh, order, "batches" in name, more=more, tags=tags))
     return path
+
+
+def tags_of(name: str, n: int, most: int) -> np.ndarray:
+    """(n,) the tags of nodes: in the order of the file, in any order or, up to ``most``, with gaps, too."""
+    if "order" in name:
+        return np.random.default_rng(3).permutation(n) + 1
+    return np.random.default_rng(3).integers(1, most, n) if "gaps" in name else np.arange(1, n + 1)
 
 
 def cell_data(mesh: Mesh) -> dict[str, list[np.ndarray]]:
@@ -61,9 +72,9 @@ def cell_data(mesh: Mesh) -> dict[str, list[np.ndarray]]:
     return data | {"at": middle, "load": [rows[:, 0] for rows in middle]}
 
 
-def links(order: str, older: bool) -> bytes:
+def links(order: str, older: bool, tags: np.ndarray) -> bytes:
     """Periodic links of a Gmsh file, from every seventh node to the one behind it; one has no such node."""
-    pairs = [(node, node + 1) for node in range(10, 100, 7)] + [(5, 10**6)]
+    pairs = [(int(tags[node]), int(tags[node + 1])) for node in range(9, 99, 7)] + [(int(tags[4]), 10**9)]
     if older:
         rows = "\n".join(f"{one} {other}" for one, other in pairs)
         return f"$Periodic\n1\n2 2 1\n{len(pairs)}\n{rows}\n$EndPeriodic\n".encode()
@@ -123,21 +134,30 @@ def _facets(cells: np.ndarray) -> np.ndarray:
     return rows[counts == 1]
 
 
-def gmsh_22(mesh: Mesh, order: str = "<", batches: bool = False, again: str = "", more: bytes = b"") -> bytes:
+def gmsh_22(
+    mesh: Mesh,
+    order: str = "<",
+    batches: bool = False,
+    again: str = "",
+    more: bytes = b"",
+    tags: np.ndarray | None = None,
+) -> bytes:
     """An MSH 2.2 file; each element has a header, as Gmsh writes them, or each block.
 
-    again: the type of an element that is there twice, for two groups. more: sections at the end.
+    again: the type of an element that is there twice, for two groups. more: sections at the end. tags: (n,)
+    of the nodes.
     """
     n = len(mesh.points)
+    number = np.arange(1, n + 1) if tags is None else tags
     nodes = np.zeros(n, [("tag", f"{order}i4"), ("xyz", f"{order}f8", 3)])
-    nodes["tag"], nodes["xyz"] = np.arange(1, n + 1), mesh.points
-    body, number = b"", 1
+    nodes["tag"], nodes["xyz"] = number, mesh.points
+    body, done = b"", 0
     blocks = [block for block in blocks_of(mesh) for _ in range(1 + (block[0] == again and block[2] == 1))]
     for name, physical, entity, cells in blocks:
-        numbers = np.arange(number, number + len(cells))
-        number += len(cells)
-        tags = np.broadcast_to([physical, entity], (len(cells), 2))
-        rows = np.hstack([numbers[:, None], tags, cells + 1]).astype(f"{order}i4")
+        numbers = np.arange(done + 1, done + len(cells) + 1)
+        done += len(cells)
+        groups = np.broadcast_to([physical, entity], (len(cells), 2))
+        rows = np.hstack([numbers[:, None], groups, number[cells]]).astype(f"{order}i4")
         if batches:
             body += struct.pack(f"{order}3i", _CODES[name], len(cells), 2) + rows.tobytes()
         else:
@@ -146,7 +166,7 @@ def gmsh_22(mesh: Mesh, order: str = "<", batches: bool = False, again: str = ""
     head = b"$MeshFormat\n2.2 1 8\n" + struct.pack(f"{order}i", 1) + b"\n$EndMeshFormat\n"
     head += b'$PhysicalNames\n1\n3 5 "left"\n$EndPhysicalNames\n'
     head += b"$Nodes\n%d\n" % n + nodes.tobytes() + b"\n$EndNodes\n"
-    return head + b"$Elements\n%d\n" % (number - 1) + body + b"\n$EndElements\n" + more
+    return head + b"$Elements\n%d\n" % done + body + b"\n$EndElements\n" + more
 
 
 def gmsh_41(

@@ -24,7 +24,14 @@ from dvr_cli.distributed.member import take_turns
 from dvr_cli.distributed.ranks import agree, on_all
 from dvr_cli.distributed.rows import bounds, owner_of, sent
 from dvr_cli.distributed.share_quality import quality_of
-from dvr_cli.distributed.share_reading import own_range, read_share, store_of, values_of_tags, with_regions
+from dvr_cli.distributed.share_reading import (
+    own_range,
+    read_share,
+    store_of,
+    values_of_tags,
+    with_indices,
+    with_regions,
+)
 from dvr_cli.distributed.share_writing import write_copy
 from dvr_cli.distributed.shares import Store
 from dvr_cli.errors import DvrError, InputError, UsageError
@@ -94,12 +101,15 @@ def smooth_shares(comm: Any, task: Task, hooks: Hooks | None = None) -> SmoothRe
         (read,) = on_all(comm, lambda: [read_share(comm, task.source, ranges, field)])
     except DvrError as error:
         return error
-    if not agree(comm, read is not None) or read is None:
+    found = with_indices(comm, ranges, read)
+    if found is None:
         return None
+    read, linked = found
+    del found
     take_turns(KINDS[task.engine])
     work = task.work
     store = store_of(comm, ranges, regions, read)
-    store.linked = ranges.linked
+    store.linked = linked
     if read.field is not None:
         tensors = tensors_among(comm, store, read.field)
         if tensors is None:

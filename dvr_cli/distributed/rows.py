@@ -93,10 +93,10 @@ def places(comm: Any, *columns: np.ndarray) -> np.ndarray:
 
     The first column counts most. No rank gets more than about its share of them, if few are equal there.
     """
-    cuts = _cuts(comm, np.sort(columns[0]))
-    if not len(cuts):
+    of_ranks = cuts(comm, np.sort(columns[0]))
+    if not len(of_ranks):
         return np.empty(0, dtype=np.int64)
-    to = np.searchsorted(cuts[1:], columns[0], side="right")
+    to = part_of(columns[0], of_ranks)
     there = np.argsort(to, kind="stable")
     arrived = swapped_rows(comm, to, there, columns)
     rows = _joined(columns, arrived)
@@ -114,7 +114,12 @@ def places(comm: Any, *columns: np.ndarray) -> np.ndarray:
     return result
 
 
-def _cuts(comm: Any, ordered: np.ndarray) -> np.ndarray:
+def part_of(values: np.ndarray, cuts: np.ndarray) -> np.ndarray:
+    """The rank in whose part each value lies; cuts: as that function gives them."""
+    return np.searchsorted(cuts[1:], values, side="right")
+
+
+def cuts(comm: Any, ordered: np.ndarray) -> np.ndarray:
     """(ranks,) values from each of which on about as many of all ranks lie; none where there are no values.
 
     ordered: (n,) those of this rank, ascending. The first of the cuts is none that separates any.

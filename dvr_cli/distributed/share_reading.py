@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dvr_cli.distributed.numbering import Numbering
 from dvr_cli.distributed.ranks import agree
 from dvr_cli.distributed.rows import bounds
 from dvr_cli.distributed.shares import CellRows, Kinds, Store, joined
@@ -26,29 +27,34 @@ _LARGEST = 2**62  # of tags
 class Read(NamedTuple):
     """The rows that a rank has read.
 
-    points: (n, 3). cells: of each table of the ranges, those of this rank by index, in the order of the file.
-    kinds: of each table the distinct tags of its cells, and (c,) which of them each has. field: (n, k) of the
-    field that was asked for.
+    points: (n, 3). numbers: (n,) by which cells name them, None where these count. cells: of each table of
+    the ranges, those of this rank, in the order of the file. kinds: of each table the distinct tags of its
+    cells, and (c,) which of them each has. field: (n, k) of the field that was asked for.
     """
 
     points: np.ndarray
+    numbers: np.ndarray | None
     cells: list[np.ndarray]
     kinds: list[tuple[list[tuple[int, ...]], np.ndarray]]
     field: np.ndarray | None
 
 
 def read_share(comm: Any, source: Path, ranges: Ranges, field: str | None = None) -> Read | None:
-    """The rows of this rank; None where they are not what the ranges say, or name no vertices.
+    """The rows of this rank; None where they are not what the ranges say.
 
     field: the name of point data to be read, too. Raises InputError for a file that cannot be read.
     """
     cells, kinds = [], []
-    index = np.int32 if ranges.points.count <= np.iinfo(np.int32).max else np.int64
     try:
         points = ranges.points.read(source, *own_range(comm, ranges.points))
         if points is None or not is_computable(points):
             return None
-        values = None
+        numbers, values = None, None
+        if ranges.numbers is not None:
+            column = ranges.numbers.read(source, *own_range(comm, ranges.points))
+            if column is None:
+                return None
+            numbers = column[:, 0]
         if field is not None:
             values = ranges.fields[field].read(source, *own_range(comm, ranges.points))
             if values is None:
@@ -58,11 +64,7 @@ def read_share(comm: Any, source: Path, ranges: Ranges, field: str | None = None
             rows = table.read(source, *own)
             if rows is None:
                 return None
-            if not _names_vertices(rows, ranges.base, ranges.points.count):
-                return None
-            if name in ranges.order:
-                rows = rows[:, ranges.order[name]]
-            cells.append((rows - rows.dtype.type(ranges.base)).astype(index))
+            cells.append(rows[:, ranges.order[name]] if name in ranges.order else rows)
             kinds.append(table.kinds(source, *own))
             if len(kinds[-1][0]) > _MOST or any(
                 abs(tag) >= _LARGEST for tags in kinds[-1][0] for tag in tags
@@ -70,7 +72,36 @@ def read_share(comm: Any, source: Path, ranges: Ranges, field: str | None = None
                 return None
     except OSError as error:
         raise InputError(f"{source}: {(error.strerror or str(error)).lower()}") from error
-    return Read(points, cells, kinds, values)
+    return Read(points, numbers, cells, kinds, values)
+
+
+def with_indices(comm: Any, ranges: Ranges, read: Read | None) -> tuple[Read, np.ndarray] | None:
+    """The rows of this rank with the vertices of cells by index; and (k,) those that links tie to others.
+
+    The latter ascend and are of the whole. None on all ranks where one has read nothing, or cells name no
+    vertices.
+    """
+    if not agree(comm, read is not None) or read is None:
+        return None
+    size = ranges.points.count
+    numbering = Numbering(comm, size, ranges.base, read.numbers)
+    if not numbering.sound:
+        return None
+    index = np.int32 if size <= np.iinfo(np.int32).max else np.int64
+    good = True
+    for nth, named in enumerate(read.cells):
+        cells = numbering.find(named)
+        good = good and _names_vertices(cells, size)
+        read.cells[nth] = cells.astype(index, copy=False)
+    if not agree(comm, good):
+        return None
+    linked = np.empty(0, dtype=np.int64)
+    if len(ranges.linked):
+        first, last = bounds(len(ranges.linked), comm.size)[comm.rank : comm.rank + 2]
+        pairs = numbering.find(ranges.linked[first:last])
+        pairs = pairs[((pairs >= 0) & (pairs < size)).all(axis=1)]
+        linked = distinct(np.concatenate(comm.allgather(pairs.ravel().astype(np.int64))))
+    return read._replace(numbers=None), linked
 
 
 def values_of_tags(comm: Any, source: Path, ranges: Ranges) -> list[np.ndarray | None]:
@@ -145,11 +176,11 @@ def store_of(comm: Any, ranges: Ranges, regions: tuple[str, ...], read: Read) ->
     return Store(comm, ranges.points.count, all_kinds, read.points, *rows)
 
 
-def _names_vertices(cells: np.ndarray, base: int, n: int) -> bool:
-    """True if each of the cells (c, k) names k of n vertices, counted from ``base``, no one twice."""
+def _names_vertices(cells: np.ndarray, n: int) -> bool:
+    """True if each of the cells (c, k) has k of n vertices, no one twice."""
     if not len(cells):
         return True
     ordered = np.sort(cells, axis=1)
-    if ordered[:, 0].min() < base or ordered[:, -1].max() >= base + n:
+    if ordered[:, 0].min() < 0 or ordered[:, -1].max() >= n:
         return False
     return bool((ordered[:, 1:] != ordered[:, :-1]).all())

@@ -1,6 +1,6 @@
 """Byte ranges: where in a file the rows of coordinates and cells lie, for processes that each read some.
 
-Only for files with linear cells, coordinates in 64 bits, and vertices that are numbered as they come.
+Only for files with linear cells and coordinates in 64 bits.
 What else has to be so is said with the rows, and looked at by whoever reads them.
 """
 
@@ -185,24 +185,26 @@ class Ranges:
     """The places of coordinates and cells in a file.
 
     points: (N, 3) coordinates. cells: the type and the vertices of cells that come one after the other, in
-    the order of the file; a type may come again. base: the number of the first vertex. names: of the cell
-    data that tags are. once: whether a cell that is there twice counts once, in all its groups. order: of the
+    the order of the file; a type may come again. base: the number of the first vertex, and numbers: (N, 1)
+    those of all, by which cells name them, None where they count from ``base``. names: of the cell data
+    that tags are. once: whether a cell that is there twice counts once, in all its groups. order: of the
     types whose nodes have another order in the file the place there of each. groups: their names, with tag
     and dimension. held: ranges of vertices that have to stay, as more in the file depends on where they are.
-    fields: the point data that have a row for each vertex, and where these lie. linked: (k,) ascending, the
-    vertices that periodic links tie to others.
+    fields: the point data that have a row for each vertex, and where these lie. linked: (k, 2) the numbers of
+    vertices that periodic links tie together.
     """
 
     points: Table
     cells: tuple[tuple[str, Table], ...]
     base: int = 0
+    numbers: Table | None = None
     names: tuple[str, ...] = ()
     once: bool = False
     order: Mapping[str, list[int]] = field(default_factory=dict)
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
     held: tuple[tuple[int, int], ...] = ()
     fields: Mapping[str, Table] = field(default_factory=dict)
-    linked: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    linked: np.ndarray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
 
     @property
     def dimension(self) -> int:

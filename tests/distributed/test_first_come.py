@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from threads import on_threads
 
 from dvr_cli.distributed.first_come import Wish, first_come
 from dvr_cli.distributed.rows import places
+from threads import on_threads
 
 
 @pytest.mark.parametrize("ranks", [1, 2, 5])

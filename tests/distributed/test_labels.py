@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from threads import on_threads
 
 from dvr_cli.distributed.labels import labels_of_parts, sums_of_parts
 from dvr_cli.mesh.orientation import connected_parts
+from threads import on_threads
 
 
 @pytest.mark.parametrize("ranks", [1, 2, 5])

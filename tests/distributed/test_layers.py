@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from test_store import store_on
-from threads import on_threads
 
 from dvr_cli.backend import NUMPY
 from dvr_cli.distributed import layers
@@ -11,6 +10,7 @@ from dvr_cli.mesh.domain import domain_of
 from dvr_cli.quality.mean_ratio import corner_qualities
 from dvr_cli.quality.stretching import coherent, stretched_among
 from meshes import boxes_of
+from threads import on_threads
 
 
 def flattened(width, height):

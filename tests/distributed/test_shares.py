@@ -21,7 +21,18 @@ from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import domain_of
 from gmsh_session import gmsh_session
 from meshes import KINDS, boxes_of, random_mesh, tangled
-from ranged_files import DATA, FILES, LINKS, MIXED, PLANAR, gmsh_22, gmsh_41, tensors_at, write_ranged
+from ranged_files import (
+    DATA,
+    FILES,
+    LINKS,
+    MIXED,
+    NUMBERED,
+    PLANAR,
+    gmsh_22,
+    gmsh_41,
+    tensors_at,
+    write_ranged,
+)
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 # name of a mesh, and options
@@ -101,7 +112,9 @@ RUNS = (
     ("tetra both-ways", "-n 3 --boundary slide"),
     ("triangle both-ways", "-n 3"),
     ("hexahedron both-ways", "-n 2 --patches"),
-    *((name, "-n 3") for name in (*MIXED, *PLANAR, *DATA)),
+    *((name, "-n 3") for name in (*MIXED, *PLANAR, *DATA, *NUMBERED)),
+    ("41-gaps.msh", "--boundary slide --fix 1 -d random -n 40 --tol 1e-3"),
+    ("22-order.msh", "--regions left -d random -n 3"),
     ("5.1-data.vtk", "-d random -n 2 --regions part --fix 1"),
     ("41-data.msh", "-d random -n 2 --only 7"),
     ("41.msh", "--boundary slide -n 3"),
@@ -139,7 +152,7 @@ def write(folder, name):
         return SAMPLES / "random_cube.vtk"
     if name == "partitions.msh":
         return partitioned(folder / name)
-    if name in (*FILES, *MIXED, *PLANAR, *DATA, *LINKS):
+    if name in (*FILES, *MIXED, *PLANAR, *DATA, *LINKS, *NUMBERED):
         return write_ranged(folder, name)
     kind, *how = name.split()
     if kind in KINDS:
@@ -188,7 +201,7 @@ def write(folder, name):
 
 
 def partitioned(path):
-    """A box that Gmsh has meshed, and cut into partitions with facets between them.
+    """A box that Gmsh has meshed, and cut into partitions with facets between them: nodes are out of order.
 
     It is written once, as the order of some of it is not always the same.
     """
@@ -203,7 +216,6 @@ def partitioned(path):
         gmsh.option.setNumber("Mesh.PartitionCreateGhostCells", 1)
         gmsh.model.mesh.generate(3)
         gmsh.model.mesh.partition(3)
-        gmsh.model.mesh.renumberNodes()
         gmsh.option.setNumber("Mesh.Binary", 1)
         gmsh.write(str(path))
     return path
@@ -388,7 +400,7 @@ def test_what_is_no_metric_is_one_line(tmp_path, on_ranks, capsys):
 def damaged_files(folder):
     """Files that look whole at first: a number in the middle of an array is wrong, or the end is cut off."""
     found = {}
-    for name in "41.msh", "22.msh", "raw.vtu":
+    for name in "41.msh", "41-gaps.msh", "22.msh", "raw.vtu":
         path = write_ranged(folder, name)
         whole, ranges = path.read_bytes(), ranges_of(path)
         cells = dict(ranges.cells)["tetra"].parts[0].rows
@@ -396,7 +408,7 @@ def damaged_files(folder):
         at = cells.offset(9) + (cells.columns - 1) * size
         found[f"number-{name}"] = whole[:at] + (10**6).to_bytes(size, "little") + whole[at + size :]
         found[f"cut-{name}"] = whole[:-40]
-    at = ranges_of(folder / "41.msh").points.parts[1].sure[0].rows.offset(3)
+    at = ranges_of(folder / "41.msh").numbers.parts[1].rows.offset(3)
     whole = (folder / "41.msh").read_bytes()
     found["tag-41.msh"] = whole[:at] + bytes(8) + whole[at + 8 :]
     return found

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from threads import on_threads
 
 from dvr_cli.boundary.constraints import constraints_of
 from dvr_cli.boundary.features import features_of
@@ -13,6 +12,7 @@ from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from meshes import boxes_of, random_mesh
+from threads import on_threads
 
 
 def store_of(comm, mesh):

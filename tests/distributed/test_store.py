@@ -1,11 +1,11 @@
 """The share of each rank of a mesh: what it has, and what it gets of others."""
 
 import numpy as np
-from threads import on_threads
 
 from dvr_cli.distributed.rows import bounds
 from dvr_cli.distributed.shares import CellRows, Kinds, Store
 from meshes import random_mesh
+from threads import on_threads
 
 
 def store_on(comm, mesh):

@@ -37,7 +37,6 @@ from dvr_cli.files.gmsh.sections import (
     read_header,
 )
 from dvr_cli.files.ranges import LINEAR, Counted, Part, Ranges, Rows, Table
-from dvr_cli.mesh.ranks import distinct
 from dvr_cli.mesh.regions import is_region_name
 
 _TAGS = ("gmsh:physical", "gmsh:geometrical")
@@ -51,6 +50,15 @@ _VERSIONS_2 = ("2", "2.0", "2.1", "2.2")
 
 class _Other(Exception):
     """A file that a process has to read whole."""
+
+
+class _Nodes(NamedTuple):
+    """The nodes of a file, those that have parameters, and where the section's body ends."""
+
+    points: Table
+    tags: Table
+    held: tuple[tuple[int, int], ...]
+    end: int
 
 
 class _Block(NamedTuple):
@@ -74,8 +82,7 @@ def ranges_of(path: Path) -> Ranges | None:
 def _found(data: bytes) -> Ranges:
     once: dict[str, Section] = {}
     header, at = Header("", ""), 0
-    points, blocks = Table(()), list[_Block]()
-    views, held = list[Section](), tuple[tuple[int, int], ...]()
+    nodes, blocks, views = _Nodes(Table(()), Table(()), (), 0), list[_Block](), list[Section]()
     while (section := opening_of(data, at)) is not None:
         name = section.name
         _need(name not in _OTHER and not (name in _NEEDED and name in once))
@@ -83,7 +90,8 @@ def _found(data: bytes) -> Ranges:
             _need(header.byte_order != "" and (header.version == "4.1" or header.version in _VERSIONS_2))
             older = header.version != "4.1"
             if name == "Nodes":
-                points, held, at = (_nodes_2 if older else _nodes_4)(data, section, header.byte_order)
+                nodes = (_nodes_2 if older else _nodes_4)(data, section, header.byte_order)
+                at = nodes.end
             else:
                 blocks, at = (_elements_2 if older else _elements_4)(data, section, header.byte_order)
             section = section._replace(end=_end(data, at, name))
@@ -109,19 +117,19 @@ def _found(data: bytes) -> Ranges:
         blocks = [one for one in blocks if one.part.rows.count and one.entity not in entities.between]
         blocks, names = _with_tags(blocks, entities)
     tables = _tables(blocks)
-    _need(points.count > 0 and len(tables) > 0)
-    groups, once_each = field_data(named), header.version != "4.1"
-    found = Ranges(points, tables, base=1, names=names, once=once_each, groups=groups, held=held)
+    _need(nodes.points.count > 0 and len(tables) > 0)
+    found = Ranges(nodes.points, tables, base=1, numbers=nodes.tags, names=names, held=nodes.held)
+    found = replace(found, once=header.version != "4.1", groups=field_data(named))
     if "Periodic" not in once:
         return found
-    return replace(found, linked=_linked(data, once["Periodic"], header, points.count))
+    return replace(found, linked=_linked(data, once["Periodic"], header))
 
 
-def _linked(data: bytes, section: Section, header: Header, nodes: int) -> np.ndarray:
-    """(k,) ascending, the nodes that periodic links tie to others, counted from 0; nodes: how many it has."""
+def _linked(data: bytes, section: Section, header: Header) -> np.ndarray:
+    """(k, 2) the tags of nodes that periodic links tie together, some of which may not be there."""
     older = header.version != "4.1"
     pairs = read_periodic_2(data, section) if older else read_periodic_4(read_numbers(data, section, header))
-    return distinct(pairs[((pairs > 0) & (pairs <= nodes)).all(axis=1)].ravel().astype(np.int64) - 1)
+    return pairs.astype(np.int64)
 
 
 def _need(holds: bool) -> None:
@@ -151,11 +159,10 @@ def _tables(blocks: list[_Block]) -> tuple[tuple[str, Table], ...]:
 # ---------------------------------------------------------------------------------- MSH 4.1
 
 
-def _nodes_4(data: bytes, section: Section, order: str) -> tuple[Table, tuple[tuple[int, int], ...], int]:
-    """The coordinates, which nodes have parameters, and where the section's body ends."""
+def _nodes_4(data: bytes, section: Section, order: str) -> _Nodes:
     numbers = BinaryNumbers(data, section, order)
     blocks, declared = numbers.record("4q")[:2]
-    parts, held, nodes = [], [], 0
+    parts, labels, held, nodes = [], [], [], 0
     _need(blocks <= _MOST)
     for _ in range(blocks):
         dimension, _, parametric, count = numbers.record("3iq")
@@ -167,10 +174,11 @@ def _nodes_4(data: bytes, section: Section, order: str) -> tuple[Table, tuple[tu
         numbers.skip("d", (3 + more) * count)
         if more and count:
             held.append((nodes, nodes + count))
-        parts.append(Part(rows, (Counted(tags, (nodes + 1,), 1),)))
+        parts.append(Part(rows))
+        labels.append(Part(tags))
         nodes += count
     _need(nodes == declared)
-    return Table(tuple(parts)), tuple(held), section.start + numbers.position
+    return _Nodes(Table(tuple(parts)), Table(tuple(labels)), tuple(held), section.start + numbers.position)
 
 
 def _elements_4(data: bytes, section: Section, order: str) -> tuple[list[_Block], int]:
@@ -203,13 +211,12 @@ def _with_tags(blocks: list[_Block], entities: Entities) -> tuple[list[_Block], 
 # ---------------------------------------------------------------------------------- MSH 2
 
 
-def _nodes_2(data: bytes, section: Section, order: str) -> tuple[Table, tuple[()], int]:
-    """The coordinates, that no nodes have parameters, and where the section's body ends."""
+def _nodes_2(data: bytes, section: Section, order: str) -> _Nodes:
     count, begin = read_count(data, section.start, section)
     stride = 4 + 3 * 8
     tags = Rows(begin, f"{order}i4", 1, count, stride)
     rows = Rows(begin + 4, f"{order}f8", 3, count, stride)
-    return Table((Part(rows, (Counted(tags, (1,), 1),)),)), (), begin + stride * count
+    return _Nodes(Table((Part(rows),)), Table((Part(tags),)), (), begin + stride * count)
 
 
 def _elements_2(data: bytes, section: Section, order: str) -> tuple[list[_Block], int]:
