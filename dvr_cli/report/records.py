@@ -156,7 +156,8 @@ class SmoothReport:
     boundary: what became of a boundary or surface on which vertices walked, else None.
     put_back: with a CAD model how many vertices that had moved went back to where the input has them, as an
         element would have become too bad on the model; None without one.
-    seconds: time of the relaxation, reading and writing aside.
+    seconds: time of the relaxation, reading and writing aside. engine: what computed; "numpy, then numba"
+        where kernels had to be compiled meanwhile, with "in part" where not all of them were ready in time.
     shape: what cells were measured against. plain: where some were kept, or in a metric, the qualities
         before and after with ideal targets for all. kept: (n,) bool, the cells of the domain that are kept as
         they are, None where there are none.

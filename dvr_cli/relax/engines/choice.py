@@ -95,8 +95,8 @@ class EngineKind:
         return thread_count(asked) if self.threaded else 1
 
     def name_of(self, engine: Engine) -> str:
-        """The name of an engine of this kind in reports; where it hands over, that of the last at work."""
-        return self.name or next(kind.name for kind in KINDS.values() if kind.backend is engine.backend)
+        """The name of an engine of this kind in reports, or the names of those that took turns."""
+        return engine.turns or self.name
 
     def make(self, problem: Problem, threads: int | None) -> Engine:
         """The engine for a problem; threads: at most, None for all cores."""

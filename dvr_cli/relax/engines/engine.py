@@ -57,6 +57,11 @@ class Engine(ABC):
         self._all = np.ones(len(problem.rings.vertices), dtype=bool)
 
     @property
+    def turns(self) -> str:
+        """The engines that took turns, in words for reports; empty where one does all."""
+        return ""
+
+    @property
     def batches(self) -> int:
         """Number of batches a sweep has."""
         return len(self.problem.batch_start) - 1

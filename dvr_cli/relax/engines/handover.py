@@ -99,6 +99,7 @@ class HandoverEngine(Engine):
         """threads: of the compiled engine, at most."""
         super().__init__(problem)
         self._threads = threads
+        self._in_part = False  # whether compiled code has done anything
         self._compiling = compiling(sort_of(problem), threads)
         self.backend = NUMPY
         self._take(NumpyEngine(problem))
@@ -113,10 +114,17 @@ class HandoverEngine(Engine):
             self.backend = ready
             return ready is COMPILED
         points = self._get()
-        self.backend = ready
+        self.backend, self._in_part = ready, True
         self._take(NumbaEngine(self.problem, self._threads))
         self._set(points)
         return True
+
+    @property
+    def turns(self) -> str:
+        """As in Engine; compiled code works in part until all of it is there, and has taken over."""
+        if self.backend is COMPILED:
+            return "numpy, then numba"
+        return "numpy, then numba in part" if self._in_part else "numpy"
 
     def _is_compiled(self, half: str) -> bool:
         return any(half in process.done for process in self._compiling)
@@ -132,8 +140,15 @@ class HandoverEngine(Engine):
         solve = super()._solver(points, backend)
         if backend is COMPILED:
             return solve
-        quicker = cache(partial(super()._solver, points, COMPILED))  # takes over within a round, too
-        return lambda patch: (quicker() if self._is_compiled(TWINS) else solve)(patch)
+        quicker = cache(partial(super()._solver, points, COMPILED))
+
+        def solve_by_either(patch: Patch) -> tuple[float, float]:
+            if not self._is_compiled(TWINS):
+                return solve(patch)
+            self._in_part = True  # it takes over within a round, too
+            return quicker()(patch)
+
+        return solve_by_either
 
     def _take(self, engine: Engine) -> None:
         self._engine, self.threads = engine, engine.threads
