@@ -22,6 +22,7 @@ MIXED = ("5.1-mixed.vtk", "4.2-mixed.vtk", "41-mixed.msh", "22-mixed.msh", "raw-
 DATA = ("5.1-data.vtk", "4.2-data.vtk", "41-data.msh", "22-data.msh", "raw-data.vtu")
 LINKS = ("41-links.msh", "22-links.msh")
 NUMBERED = ("41-order.msh", "41-gaps.msh", "41-big-gaps.msh", "22-order.msh", "22-batches-gaps.msh")
+PARAMETRIC = ("41-parametric.msh", "41-big-order-parametric.msh")
 PLANAR = ("5.1-planar.vtk", "41-planar.msh", "22-planar.msh", "raw-planar.vtu")
 _CODES = {"vertex": 15, "line": 1, "triangle": 2, "quad": 3, "tetra": 4}
 _CODES |= {"hexahedron": 5, "wedge": 6, "pyramid": 7}
@@ -31,8 +32,9 @@ def write_ranged(folder: Path, name: str) -> Path:
     """The file of this name, one of FILES, of MIXED with several types of cells, or of PLANAR in a plane.
 
     Those of LINKS have periodic links, of vertices inside too; those of NUMBERED such links, and nodes
-    numbered in any order, maybe with gaps. Those of DATA have fields on cells and points, one of which tells
-    regions apart; of Gmsh's fields, and of 4.1 a volume in two groups and a node with a parameter.
+    numbered in any order, maybe with gaps; those of PARAMETRIC a block of nodes with a parameter each. Those
+    of DATA have fields on cells and points, one of which tells regions apart; of Gmsh's fields, and of 4.1 a
+    volume in two groups and a node with a parameter.
     """
     kind = {"mixed": "mixed3d", "planar": "mixed2d"}.get(Path(name).stem.split("-")[-1], "tetra")
     mesh, path = random_mesh(kind, 1, n=4, noise=0.2), folder / name
@@ -47,6 +49,7 @@ def write_ranged(folder: Path, name: str) -> Path:
     elif name.startswith("41"):
         tags = tags_of(name, len(mesh.points), 2**40)
         how = {"groups": 2, "parametric": 1, "more": views(order)} if "data" in name else {}
+        how |= {"parametric": 60} if name in PARAMETRIC else {}
         how |= {"more": links(order, False, tags)} if name in (*LINKS, *NUMBERED) else {}
         path.write_bytes(gmsh_41(mesh, order, tags, **how))
     else:

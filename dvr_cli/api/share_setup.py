@@ -33,8 +33,8 @@ class Work(NamedTuple):
     """The work of a job: how the vertices of a mesh move, and what is said of that.
 
     engine: the name of a kind. vector: whether the leading rank gets quality vectors. counts: how many cells
-    of each type the whole has. once: whether a lower cell that is there twice would have to count once. held:
-    as in ``Ranges``. tensors: (n, k, k) of a metric, of the vertices that the rank owns, None without one.
+    of each type the whole has. once: whether a lower cell that is there twice would have to count once.
+    tensors: (n, k, k) of a metric, of the vertices that the rank owns, None without one.
     """
 
     options: SmoothOptions
@@ -42,7 +42,6 @@ class Work(NamedTuple):
     vector: bool
     counts: dict[str, int]
     once: bool
-    held: tuple[tuple[int, int], ...] = ()
     tensors: np.ndarray | None = None
 
 
@@ -121,9 +120,6 @@ def prepared(comm: Any, store: Store, work: Work, backend: Any) -> Mine | None:
     moves = replace(moves, freedom=moves.freedom.only(selected))
     share = share_of(comm, store, local, domain, moves.freedom)
     own = np.flatnonzero(share.own & share.relaxed)
-    ends = np.array(work.held, dtype=np.int64).ravel()  # of ranges, ascending
-    if not agree(comm, not (np.searchsorted(ends, local.index[own], side="right") % 2).any()):
-        return None
     domain = replace(domain, cell_ids=local.cells)
     view = View(domain, owned, share.relaxed, own, local.index[own])
     whole = local, domain, mirrored, regions, dividers, movable, masks, moves

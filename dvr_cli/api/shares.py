@@ -32,9 +32,10 @@ from dvr_cli.distributed.share_reading import (
     with_indices,
     with_regions,
 )
-from dvr_cli.distributed.share_writing import write_copy
+from dvr_cli.distributed.share_writing import stale_parts, write_copy
 from dvr_cli.distributed.shares import Store
 from dvr_cli.errors import DvrError, InputError, UsageError
+from dvr_cli.files.losses import parameters_dropped
 from dvr_cli.files.ranges import Ranges
 from dvr_cli.mesh.orientation import turned_cells
 from dvr_cli.quality.metric import tensors_of
@@ -63,7 +64,7 @@ class Task(NamedTuple):
     def work(self) -> Work:
         """The work between reading and writing."""
         ranges = self.ranges
-        return Work(self.options, self.engine, self.vector, ranges.counts, ranges.once, ranges.held)
+        return Work(self.options, self.engine, self.vector, ranges.counts, ranges.once)
 
 
 def takes(options: SmoothOptions) -> bool:
@@ -83,12 +84,19 @@ def takes(options: SmoothOptions) -> bool:
     )
 
 
-def smooth_shares(comm: Any, task: Task, hooks: Hooks | None = None) -> SmoothReport | DvrError | None:
+class Written(NamedTuple):
+    """The report of a run that has written its mesh, and notes on what the file could not keep."""
+
+    report: SmoothReport
+    notes: list[str]
+
+
+def smooth_shares(comm: Any, task: Task, hooks: Hooks | None = None) -> Written | DvrError | None:
     """Smooth a mesh of which each rank reads and writes a part, on all ranks together.
 
-    hooks: of the leading rank. Returns there the report, or the error with which it has ended; on all ranks
-    None, with nothing written, where the mesh has to be on one rank for the result of ``smooth_mesh``: where
-    anything is wrong with it, or layers may have to be kept.
+    hooks: of the leading rank. Returns there what has been written, or the error with which it has ended; on
+    all ranks None, with nothing written, where the mesh has to be on one rank for the result of
+    ``smooth_mesh``: where anything is wrong with it, or layers may have to be kept.
     """
     try:
         changed = on_all(comm, lambda: _changed(task.source))
@@ -123,7 +131,10 @@ def smooth_shares(comm: Any, task: Task, hooks: Hooks | None = None) -> SmoothRe
         return InputError(f"{task.source}: it has changed while it was being smoothed")
     rows = ranges.points
     first, values = _for_file(comm, store, task, result.vertices, result.points)
-    return write_copy(comm, task.source, task.output, rows, first, values) or result.report
+    stale = stale_parts(comm, task.source, rows, first, values)
+    dropped = sum(part.rows.count for part in rows.parts if part.flag in stale)
+    fault = write_copy(comm, task.source, task.output, rows, first, values, stale)
+    return fault or Written(result.report, parameters_dropped(dropped))
 
 
 def tensors_among(comm: Any, store: Store, values: np.ndarray) -> np.ndarray | None:

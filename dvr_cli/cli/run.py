@@ -35,13 +35,13 @@ def run(
     output: Path,
     work: Callable[..., tuple[np.ndarray, SmoothReport]],
     given: Mapping[str, Any],
-    apart: Callable[..., SmoothReport | None] = lambda *arguments: None,
+    apart: Callable[..., tuple[SmoothReport, list[str]] | None] = lambda *arguments: None,
 ) -> int:
     """Run a command that moves the vertices of a mesh and return its exit code; see ``dvr smooth --help``.
 
     work: ``smooth_mesh`` or the like; gets the mesh, and storage, on_sweep and interrupted by name. given:
     the options of the command. apart: does all of it but the report without the mesh in this process, where
-    it can; gets the paths of mesh, output and report, on_sweep and interrupted.
+    it can; gets the paths of mesh, output and report, on_sweep and interrupted, returns the report and notes.
     """
     from dvr_cli.files import writing
     from dvr_cli.relax.engines.choice import has_numba, is_compiling
@@ -74,10 +74,11 @@ def run(
     with Progress(quiet, verbose, known) as progress:
         progress.show(f"reading {source}")
         with interrupt:
-            result = apart(paths, progress.sweep, lambda: interrupt.requested)
-        if result is None:
+            done = apart(paths, progress.sweep, lambda: interrupt.requested)
+        if done is None:
             result, failed, notes = _run_here(paths, work, given, gates, progress, interrupt)
         else:
+            result, notes = done
             failed = failures(gates, result.after)
             if report is not None:
                 _write_report(report, result, source, output)

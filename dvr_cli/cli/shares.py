@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dvr_cli.api.options import SmoothOptions
+    from dvr_cli.api.shares import Written
     from dvr_cli.relax.sweeps import Sweep
-    from dvr_cli.report.records import SmoothReport
 
 # Options that need what a rank with all cells or vertices has.
 _NEED_ALL = (
@@ -30,8 +30,8 @@ def smooth_in_shares(
     paths: tuple[Path, Path, Path | None],
     on_sweep: Callable[[Sweep], None],
     interrupted: Callable[[], bool],
-) -> SmoothReport | None:
-    """The report of a run in which each rank reads and writes a part, None where that cannot be.
+) -> Written | None:
+    """The report of a run in which each rank reads and writes a part, and notes; None where that cannot be.
 
     given: the options of the command. paths: of the mesh, its output and its report. on_sweep, interrupted:
     see ``sweeps.relax``.

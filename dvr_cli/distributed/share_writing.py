@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -14,26 +13,35 @@ from dvr_cli.files.ranges import Table
 from dvr_cli.files.writing import replacing
 
 
+def stale_parts(comm: Any, source: Path, table: Table, first: int, values: np.ndarray) -> set[int]:
+    """The flags of parts of which numbers are to be dropped, as a rank has other rows, on all ranks.
+
+    The arguments: see ``write_copy``.
+    """
+    return set().union(*comm.allgather(table.stale(source, first, values)))
+
+
 def write_copy(
-    comm: Any, source: Path, output: Path, table: Table, first: int, values: np.ndarray
+    comm: Any, source: Path, output: Path, table: Table, first: int, values: np.ndarray, stale: set[int]
 ) -> DvrError | None:
     """Write a copy of ``source`` with other rows at ``output``, on all ranks together.
 
-    table: where they lie. values: (n, columns) those of this rank, from the row ``first`` on. Returns on the
-    leading rank what went wrong: then what was at ``output`` is still there.
+    table: where they lie. values: (n, columns) those of this rank, from the row ``first`` on. stale: see
+    ``stale_parts``. Returns on the leading rank what went wrong: then what was at ``output`` is still there.
     """
+    there = table.without(stale)
     if comm.rank != LEAD:
         copy = comm.bcast(None, LEAD)
         if copy is not None:
-            comm.gather(_written(comm, copy, table, first, values), LEAD)
+            comm.gather(_written(comm, copy, there, first, values), LEAD)
         return None
     told = False
     try:
         with replacing(output) as copy:
-            shutil.copyfile(source, copy)
+            table.copy_without(source, copy, stale)
             comm.bcast(copy, LEAD)
             told = True
-            faults = comm.gather(_written(comm, copy, table, first, values), LEAD)
+            faults = comm.gather(_written(comm, copy, there, first, values), LEAD)
             if any(faults):
                 raise OSError(next(filter(None, faults)))
     except DvrError as error:

@@ -33,6 +33,13 @@ def number_not_kept(count: int, what: str) -> list[str]:
     return [f"not kept: {counted(count, what)}"] if count else []
 
 
+def parameters_dropped(count: int) -> list[str]:
+    """The line about nodes that have lost their places on curves or surfaces; none if there are none."""
+    if not count:
+        return []
+    return [f"dropped the parametric coordinates of {counted(count, 'node')}: moving nodes makes them wrong"]
+
+
 def names_not_kept(mesh: Mesh, names: Iterable[str] | None = None) -> list[str]:
     """A line for each kind of groups and sets of ``mesh`` that has some of ``names``; by default all."""
     kinds = {

@@ -6,16 +6,21 @@ What else has to be so is said with the rows, and looked at by whoever reads the
 
 from __future__ import annotations
 
+import os
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
+from dvr_cli.files.source import differing
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.ranks import ranks
 
+_CHUNK = 1 << 20  # bytes that are copied together
 _LARGE = 2.0**62  # of which size real numbers stand for all larger ones
 LINEAR = ("vertex", "line", "triangle", "quad", "tetra", "hexahedron", "wedge", "pyramid")
 
@@ -46,6 +51,11 @@ class Rows:
     def offset(self, row: int) -> int:
         """The offset of the first byte of a row."""
         return self.begin + row * self.step
+
+    @property
+    def tight(self) -> Rows:
+        """As many rows from there on with nothing between them."""
+        return replace(self, stride=0)
 
     def part(self, first: int, count: int) -> Rows:
         """Some of the rows, from ``first`` on."""
@@ -97,12 +107,14 @@ class Part:
     """Rows of a table that lie together.
 
     sure: rows of numbers that have to be what is said of them, one for each of ``rows``. tags: of cells, one
-    number each or the same one for all.
+    number each or the same one for all. flag: the offset of 4 bytes, before the rows, that say that more
+    numbers follow in each, which hold as long as no row changes; None where nothing follows.
     """
 
     rows: Rows
     sure: tuple[Counted, ...] = ()
     tags: tuple[int | Rows, ...] = ()
+    flag: int | None = None
 
 
 @dataclass(frozen=True)
@@ -124,6 +136,49 @@ class Table:
             if lo < hi:
                 yield part, lo, hi
             start += part.rows.count
+
+    def stale(self, path: Path, first: int, values: np.ndarray) -> set[int]:
+        """The flags of the parts in which numbers that follow rows do not hold with others; raises OSError.
+
+        values: (n, columns) the rows from ``first`` on.
+        """
+        found, done = set(), 0
+        for part, lo, hi in self.stretches(first, first + len(values)):
+            new = values[done : done + hi - lo]
+            if part.flag is not None and differing(new, part.rows.read(path, lo, hi)).any():
+                found.add(part.flag)
+            done += hi - lo
+        return found
+
+    def without(self, stale: set[int]) -> Table:
+        """The table in a copy of the file, see ``copy_without``."""
+        parts, gone = [], 0
+        for part in self.parts:
+            rows = replace(part.rows, begin=part.rows.begin - gone)
+            if part.flag in stale:
+                rows = rows.tight
+                gone += rows.count * (part.rows.step - rows.step)
+            parts.append(Part(rows))
+        return Table(tuple(parts))
+
+    def copy_without(self, source: Path, target: Path, stale: set[int]) -> None:
+        """Copy a file without the numbers that follow the rows of parts with a flag in ``stale``.
+
+        These rows are empty in the copy. Raises OSError.
+        """
+        if not stale:
+            shutil.copyfile(source, target)
+            return
+        with source.open("rb") as old, target.open("wb") as new:
+            for part in self.parts:
+                if part.flag is not None and part.flag in stale:
+                    _pass_on(old, new, part.flag)
+                    new.write(bytes(4))
+                    old.seek(part.flag + 4)
+                    _pass_on(old, new, part.rows.begin)
+                    new.seek(part.rows.count * part.rows.tight.step, os.SEEK_CUR)
+                    old.seek(part.rows.offset(part.rows.count))
+            shutil.copyfileobj(old, new)
 
     def read(self, path: Path, first: int, last: int) -> np.ndarray | None:
         """(last - first, columns) the rows first .. last; None where not all is as said; raises OSError."""
@@ -180,6 +235,12 @@ class Table:
         return Table(tuple(parts))
 
 
+def _pass_on(old: BinaryIO, new: BinaryIO, end: int) -> None:
+    """Copy one file into another up to an offset of the first."""
+    while data := old.read(min(end - old.tell(), _CHUNK)):
+        new.write(data)
+
+
 @dataclass(frozen=True)
 class Ranges:
     """The places of coordinates and cells in a file.
@@ -189,9 +250,8 @@ class Ranges:
     those of all, by which cells name them, None where they count from ``base``. names: of the cell data
     that tags are. once: whether a cell that is there twice counts once, in all its groups. order: of the
     types whose nodes have another order in the file the place there of each. groups: their names, with tag
-    and dimension. held: ranges of vertices that have to stay, as more in the file depends on where they are.
-    fields: the point data that have a row for each vertex, and where these lie. linked: (k, 2) the numbers of
-    vertices that periodic links tie together.
+    and dimension. fields: the point data that have a row for each vertex, and where these lie. linked:
+    (k, 2) the numbers of vertices that periodic links tie together.
     """
 
     points: Table
@@ -202,7 +262,6 @@ class Ranges:
     once: bool = False
     order: Mapping[str, list[int]] = field(default_factory=dict)
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
-    held: tuple[tuple[int, int], ...] = ()
     fields: Mapping[str, Table] = field(default_factory=dict)
     linked: np.ndarray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
 

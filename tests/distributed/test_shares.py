@@ -27,9 +27,9 @@ from ranged_files import (
     LINKS,
     MIXED,
     NUMBERED,
+    PARAMETRIC,
     PLANAR,
     gmsh_22,
-    gmsh_41,
     tensors_at,
     write_ranged,
 )
@@ -112,7 +112,8 @@ RUNS = (
     ("tetra both-ways", "-n 3 --boundary slide"),
     ("triangle both-ways", "-n 3"),
     ("hexahedron both-ways", "-n 2 --patches"),
-    *((name, "-n 3") for name in (*MIXED, *PLANAR, *DATA, *NUMBERED)),
+    *((name, "-n 3") for name in (*MIXED, *PLANAR, *DATA, *NUMBERED, *PARAMETRIC)),
+    ("partitions.msh", "--boundary slide -d random -n 3"),
     ("41-gaps.msh", "--boundary slide --fix 1 -d random -n 40 --tol 1e-3"),
     ("22-order.msh", "--regions left -d random -n 3"),
     ("5.1-data.vtk", "-d random -n 2 --regions part --fix 1"),
@@ -152,7 +153,7 @@ def write(folder, name):
         return SAMPLES / "random_cube.vtk"
     if name == "partitions.msh":
         return partitioned(folder / name)
-    if name in (*FILES, *MIXED, *PLANAR, *DATA, *LINKS, *NUMBERED):
+    if name in (*FILES, *MIXED, *PLANAR, *DATA, *LINKS, *NUMBERED, *PARAMETRIC):
         return write_ranged(folder, name)
     kind, *how = name.split()
     if kind in KINDS:
@@ -203,6 +204,7 @@ def write(folder, name):
 def partitioned(path):
     """A box that Gmsh has meshed, and cut into partitions with facets between them: nodes are out of order.
 
+    Those on its boundary have parameters.
     It is written once, as the order of some of it is not always the same.
     """
     if path.exists():
@@ -217,6 +219,7 @@ def partitioned(path):
         gmsh.model.mesh.generate(3)
         gmsh.model.mesh.partition(3)
         gmsh.option.setNumber("Mesh.Binary", 1)
+        gmsh.option.setNumber("Mesh.SaveParametric", 1)
         gmsh.write(str(path))
     return path
 
@@ -335,11 +338,10 @@ def test_what_is_unusual_has_the_result_of_one_process(tmp_path, on_ranks):
     commands.append(["smooth", str(write(tmp_path, "tetra real large")), "large-out.vtk", *commands[-1][3:]])
     (tmp_path / "groups.msh").write_bytes(gmsh_22(plain, again="triangle"))
     (tmp_path / "volumes.msh").write_bytes(gmsh_22(plain, again="tetra"))
-    (tmp_path / "parametric.msh").write_bytes(gmsh_41(plain, parametric=30))  # of nodes that move, too
-    for name in "groups", "volumes", "parametric":
+    for name in "groups", "volumes":
         commands.append(["smooth", str(tmp_path / f"{name}.msh"), f"{name}-out.msh", *commands[-1][3:]])
     done, ends = job(on_ranks, 3, tmp_path, [[*command, "--mpi"] for command in commands])
-    assert (done.stderr, ends) == ("", [0] * 6)
+    assert (done.stderr, ends) == ("", [0] * 5)
     (tmp_path / "alone").mkdir()
     assert in_one_process(tmp_path / "alone", commands) == ends
     for path in (tmp_path / "alone").iterdir():
@@ -382,6 +384,19 @@ def test_a_damaged_file_is_one_line(tmp_path, on_ranks):
     lines = zip(damaged, done.stderr.splitlines(), strict=True)
     assert [f" {name}: " in line for name, line in lines] == [True] * len(damaged)
     assert not list(tmp_path.glob("out*"))
+
+
+@pytest.mark.long
+def test_what_a_file_cannot_keep_is_a_note(tmp_path, on_ranks, capsys):
+    """The nodes of one of two blocks lose their parameters."""
+    path = write(tmp_path, "41-parametric.msh")
+    command = ["smooth", path.name, "out.msh", "-n", "2", "--engine", "numpy", "--no-report"]
+    assert in_one_process(tmp_path, [command]) == [0]
+    expected = [line for line in capsys.readouterr().err.splitlines() if "note: out.msh" in line]
+    done, ends = job(on_ranks, 3, tmp_path, [[*command, "--mpi"]], "in shares")
+    assert ends == [0]
+    assert [line for line in done.stderr.splitlines() if "note: out.msh" in line] == expected
+    assert "60 nodes" in expected[0]
 
 
 @pytest.mark.long

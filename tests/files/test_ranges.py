@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import meshio
@@ -16,7 +17,7 @@ from dvr_cli.files.reading import open_mesh
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from fuzz import COUNTS, mutated
 from meshes import delaunay
-from ranged_files import DATA, FILES, MIXED, NUMBERED, PLANAR, gmsh_41, write_ranged
+from ranged_files import DATA, FILES, MIXED, NUMBERED, PARAMETRIC, PLANAR, gmsh_41, write_ranged
 from threads import on_threads
 
 GMSH = [name for name in FILES if name.endswith("msh")]
@@ -57,7 +58,7 @@ def agree(path: Path, ranges, ranks: int = 3) -> None:
     assert ranges.count == sum(len(block.vertices) for block in moving)
 
 
-@pytest.mark.parametrize("name", [*FILES, *MIXED, *PLANAR, *DATA, *NUMBERED])
+@pytest.mark.parametrize("name", [*FILES, *MIXED, *PLANAR, *DATA, *NUMBERED, *PARAMETRIC])
 def test_processes_together_read_the_mesh(tmp_path, name):
     path = write_ranged(tmp_path, name)
     ranges = ranges_of(path)
@@ -87,8 +88,31 @@ def test_rows_that_move_are_patched_and_no_other_byte(tmp_path, name):
         np.testing.assert_array_equal(old.vertices, new.vertices)
 
 
+@pytest.mark.parametrize("step", [0.0, 0.125])
+@pytest.mark.parametrize("name", [*PARAMETRIC, *DATA])
+def test_parts_are_written_as_one_process_writes_the_whole(tmp_path, name, step):
+    """Parameters of nodes go with those of their block where one of these moves, and no others."""
+    path, copy, whole = write_ranged(tmp_path, name), tmp_path / "copy", io.BytesIO()
+    source, table = open_mesh(path), ranges_of(path).points
+    moved = source.mesh.points.copy()
+    moved[3:11] += step
+    source.write(moved, whole)
+    parts = (0, 5), (5, 9), (9, len(moved))
+    stale = set().union(*(table.stale(path, first, moved[first:last]) for first, last in parts))
+    table.copy_without(path, copy, stale)
+    data = bytearray(copy.read_bytes())
+    for first, last in parts:
+        done = first
+        for part, lo, hi in table.without(stale).stretches(first, last):
+            new = part.rows.patched(copy, lo, moved[done : done + hi - lo]).tobytes()
+            data[part.rows.offset(lo) : part.rows.offset(lo) + len(new)] = new
+            done += hi - lo
+    assert bytes(data) == whole.getvalue()
+    assert bool(stale) == (name in PARAMETRIC and step > 0)
+
+
 @pytest.mark.parametrize("count", COUNTS)
-@pytest.mark.parametrize("name", [*FILES, *MIXED, *PLANAR, *DATA, *NUMBERED])
+@pytest.mark.parametrize("name", [*FILES, *MIXED, *PLANAR, *DATA, *NUMBERED, *PARAMETRIC])
 def test_of_damaged_files_processes_read_nothing_that_one_would_not(tmp_path, name, count):
     path = write_ranged(tmp_path, name)
     good = path.read_bytes()

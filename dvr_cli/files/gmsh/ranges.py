@@ -53,11 +53,10 @@ class _Other(Exception):
 
 
 class _Nodes(NamedTuple):
-    """The nodes of a file, those that have parameters, and where the section's body ends."""
+    """The nodes of a file, and where the section's body ends."""
 
     points: Table
     tags: Table
-    held: tuple[tuple[int, int], ...]
     end: int
 
 
@@ -82,7 +81,7 @@ def ranges_of(path: Path) -> Ranges | None:
 def _found(data: bytes) -> Ranges:
     once: dict[str, Section] = {}
     header, at = Header("", ""), 0
-    nodes, blocks, views = _Nodes(Table(()), Table(()), (), 0), list[_Block](), list[Section]()
+    nodes, blocks, views = _Nodes(Table(()), Table(()), 0), list[_Block](), list[Section]()
     while (section := opening_of(data, at)) is not None:
         name = section.name
         _need(name not in _OTHER and not (name in _NEEDED and name in once))
@@ -118,7 +117,7 @@ def _found(data: bytes) -> Ranges:
         blocks, names = _with_tags(blocks, entities)
     tables = _tables(blocks)
     _need(nodes.points.count > 0 and len(tables) > 0)
-    found = Ranges(nodes.points, tables, base=1, numbers=nodes.tags, names=names, held=nodes.held)
+    found = Ranges(nodes.points, tables, base=1, numbers=nodes.tags, names=names)
     found = replace(found, once=header.version != "4.1", groups=field_data(named))
     if "Periodic" not in once:
         return found
@@ -162,9 +161,10 @@ def _tables(blocks: list[_Block]) -> tuple[tuple[str, Table], ...]:
 def _nodes_4(data: bytes, section: Section, order: str) -> _Nodes:
     numbers = BinaryNumbers(data, section, order)
     blocks, declared = numbers.record("4q")[:2]
-    parts, labels, held, nodes = [], [], [], 0
+    parts, labels, nodes = [], [], 0
     _need(blocks <= _MOST)
     for _ in range(blocks):
+        flag = section.start + numbers.position + 8
         dimension, _, parametric, count = numbers.record("3iq")
         _need(0 <= dimension <= 3 and parametric in (0, 1))
         more = dimension * parametric
@@ -172,13 +172,11 @@ def _nodes_4(data: bytes, section: Section, order: str) -> _Nodes:
         numbers.skip("q", count)
         rows = Rows(section.start + numbers.position, f"{order}f8", 3, count, 8 * (3 + more) if more else 0)
         numbers.skip("d", (3 + more) * count)
-        if more and count:
-            held.append((nodes, nodes + count))
-        parts.append(Part(rows))
+        parts.append(Part(rows, flag=flag if more else None))
         labels.append(Part(tags))
         nodes += count
     _need(nodes == declared)
-    return _Nodes(Table(tuple(parts)), Table(tuple(labels)), tuple(held), section.start + numbers.position)
+    return _Nodes(Table(tuple(parts)), Table(tuple(labels)), section.start + numbers.position)
 
 
 def _elements_4(data: bytes, section: Section, order: str) -> tuple[list[_Block], int]:
@@ -216,7 +214,7 @@ def _nodes_2(data: bytes, section: Section, order: str) -> _Nodes:
     stride = 4 + 3 * 8
     tags = Rows(begin, f"{order}i4", 1, count, stride)
     rows = Rows(begin + 4, f"{order}f8", 3, count, stride)
-    return _Nodes(Table((Part(rows),)), Table((Part(tags),)), (), begin + stride * count)
+    return _Nodes(Table((Part(rows),)), Table((Part(tags),)), begin + stride * count)
 
 
 def _elements_2(data: bytes, section: Section, order: str) -> tuple[list[_Block], int]:

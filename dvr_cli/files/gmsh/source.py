@@ -20,7 +20,7 @@ from dvr_cli.files.gmsh.nodes import Nodes
 from dvr_cli.files.gmsh.numbers import read_numbers
 from dvr_cli.files.gmsh.patch import patch_nodes
 from dvr_cli.files.gmsh.sections import Header, Section, Sections, find_sections, read_header
-from dvr_cli.files.losses import number_not_kept
+from dvr_cli.files.losses import number_not_kept, parameters_dropped
 from dvr_cli.files.source import Source, differing
 from dvr_cli.mesh.mesh import Mesh
 
@@ -57,9 +57,7 @@ class GmshSource(Source):
         if self.parameters:
             values, changed = self._with_parameters(points, changed)
         section, stale = patch_nodes(self._data, self._section, self._header, self._blocks, values, changed)
-        if stale:
-            nodes = "1 node" if stale == 1 else f"{stale} nodes"
-            self.notes.append(f"dropped the parametric coordinates of {nodes}: moving nodes makes them wrong")
+        self.notes = parameters_dropped(stale)
         whole = memoryview(self._data)
         file.write(whole[: self._section.opening])
         file.write(section)
