@@ -23,6 +23,7 @@ DATA = ("5.1-data.vtk", "4.2-data.vtk", "41-data.msh", "22-data.msh", "raw-data.
 LINKS = ("41-links.msh", "22-links.msh")
 NUMBERED = ("41-order.msh", "41-gaps.msh", "41-big-gaps.msh", "22-order.msh", "22-batches-gaps.msh")
 PARAMETRIC = ("41-parametric.msh", "41-big-order-parametric.msh")
+METRIC = ("41-metric.msh", "41-big-order-metric.msh", "22-batches-gaps-metric.msh")
 PLANAR = ("5.1-planar.vtk", "41-planar.msh", "22-planar.msh", "raw-planar.vtu")
 _CODES = {"vertex": 15, "line": 1, "triangle": 2, "quad": 3, "tetra": 4}
 _CODES |= {"hexahedron": 5, "wedge": 6, "pyramid": 7}
@@ -34,7 +35,7 @@ def write_ranged(folder: Path, name: str) -> Path:
     Those of LINKS have periodic links, of vertices inside too; those of NUMBERED such links, and nodes
     numbered in any order, maybe with gaps; those of PARAMETRIC a block of nodes with a parameter each. Those
     of DATA have fields on cells and points, one of which tells regions apart; of Gmsh's fields, and of 4.1 a
-    volume in two groups and a node with a parameter.
+    volume in two groups and a node with a parameter. Those of METRIC have a field of tensors.
     """
     kind = {"mixed": "mixed3d", "planar": "mixed2d"}.get(Path(name).stem.split("-")[-1], "tetra")
     mesh, path = random_mesh(kind, 1, n=4, noise=0.2), folder / name
@@ -50,12 +51,13 @@ def write_ranged(folder: Path, name: str) -> Path:
         tags = tags_of(name, len(mesh.points), 2**40)
         how = {"groups": 2, "parametric": 1, "more": views(order)} if "data" in name else {}
         how |= {"parametric": 60} if name in PARAMETRIC else {}
+        how |= {"more": metric(order, mesh, tags)} if name in METRIC else {}
         how |= {"more": links(order, False, tags)} if name in (*LINKS, *NUMBERED) else {}
         path.write_bytes(gmsh_41(mesh, order, tags, **how))
     else:
         tags = tags_of(name, len(mesh.points), 10**9)
         linked = links(order, True, tags) if name in (*LINKS, *NUMBERED) else b""
-        more = views(order) if "data" in name else linked
+        more = views(order) if "data" in name else metric(order, mesh, tags) if name in METRIC else linked
         path.write_bytes(gmsh_22(mesh, order, "batches" in name, more=more, tags=tags))
     return path
 
@@ -91,6 +93,27 @@ def tensors_at(points: np.ndarray) -> np.ndarray:
     tensors[:, :3] = 1.0 + points.sum(axis=1, keepdims=True) * [2.0, 0.0, 0.5]
     tensors[:, 3] = 0.3
     return tensors
+
+
+def metric(order: str, mesh: Mesh, tags: np.ndarray) -> bytes:
+    """A metric as a field of a Gmsh file in two steps, the last in two views, as for partitions.
+
+    A node has two rows, and the first of these is not the metric; another row is of no node.
+    """
+    tensors = tensors_at(mesh.points)[:, [0, 3, 5, 3, 1, 4, 5, 4, 2]]
+    n, cut, one = len(tags), len(tags) // 3, np.ones((1, 9))
+    steps = (
+        (0, tags, np.tile(np.eye(3).reshape(1, 9), (n, 1))),
+        (1, np.append(tags[:1], tags[cut:]), np.concatenate([one, tensors[cut:]])),
+        (1, np.append(tags[:cut], 10**9 + 1), np.concatenate([tensors[:cut], one])),
+    )
+    found = b""
+    for step, numbers, values in steps:
+        rows = np.zeros(len(numbers), [("tag", f"{order}i4"), ("value", f"{order}f8", 9)])
+        rows["tag"], rows["value"] = numbers, values
+        found += b'$NodeData\n1\n"metric"\n1\n0.0\n3\n%d\n9\n%d\n' % (step, len(rows))
+        found += rows.tobytes() + b"\n$EndNodeData\n"
+    return found
 
 
 def views(order: str) -> bytes:

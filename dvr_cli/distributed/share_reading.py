@@ -10,7 +10,7 @@ import numpy as np
 
 from dvr_cli.distributed.numbering import Numbering
 from dvr_cli.distributed.ranks import agree
-from dvr_cli.distributed.rows import bounds
+from dvr_cli.distributed.rows import bounds, owner_of, sent
 from dvr_cli.distributed.shares import CellRows, Kinds, Store, joined
 from dvr_cli.errors import InputError
 from dvr_cli.files.ranges import Ranges, Table
@@ -27,16 +27,18 @@ _LARGEST = 2**62  # of tags
 class Read(NamedTuple):
     """The rows that a rank has read.
 
-    points: (n, 3). numbers: (n,) by which cells name them, None where these count. cells: of each table of
+    points: (n, 3). numbers: (n, 1) by which cells name them, None where these count. cells: of each table of
     the ranges, those of this rank, in the order of the file. kinds: of each table the distinct tags of its
-    cells, and (c,) which of them each has. field: (n, k) of the field that was asked for.
+    cells, and (c,) which of them each has. field: (f, k) of the field that was asked for, and named: (f, 1)
+    the numbers of the vertices of its rows, None where these are those of ``points``.
     """
 
     points: np.ndarray
-    numbers: np.ndarray | None
     cells: list[np.ndarray]
     kinds: list[tuple[list[tuple[int, ...]], np.ndarray]]
-    field: np.ndarray | None
+    numbers: np.ndarray | None = None
+    field: np.ndarray | None = None
+    named: np.ndarray | None = None
 
 
 def read_share(comm: Any, source: Path, ranges: Ranges, field: str | None = None) -> Read | None:
@@ -45,20 +47,20 @@ def read_share(comm: Any, source: Path, ranges: Ranges, field: str | None = None
     field: the name of point data to be read, too. Raises InputError for a file that cannot be read.
     """
     cells, kinds = [], []
+    tables = {"points": ranges.points, "numbers": ranges.numbers}
+    if field is not None:
+        tables |= {"field": ranges.fields[field].rows, "named": ranges.fields[field].numbers}
+    found = {}
     try:
-        points = ranges.points.read(source, *own_range(comm, ranges.points))
-        if points is None or not is_computable(points):
+        for name, table in tables.items():
+            if table is None:
+                continue
+            rows = table.read(source, *own_range(comm, table))
+            if rows is None:
+                return None
+            found[name] = rows
+        if not is_computable(found["points"]):
             return None
-        numbers, values = None, None
-        if ranges.numbers is not None:
-            column = ranges.numbers.read(source, *own_range(comm, ranges.points))
-            if column is None:
-                return None
-            numbers = column[:, 0]
-        if field is not None:
-            values = ranges.fields[field].read(source, *own_range(comm, ranges.points))
-            if values is None:
-                return None
         for name, table in ranges.cells:
             own = own_range(comm, table)
             rows = table.read(source, *own)
@@ -72,19 +74,19 @@ def read_share(comm: Any, source: Path, ranges: Ranges, field: str | None = None
                 return None
     except OSError as error:
         raise InputError(f"{source}: {(error.strerror or str(error)).lower()}") from error
-    return Read(points, numbers, cells, kinds, values)
+    return Read(cells=cells, kinds=kinds, **found)
 
 
 def with_indices(comm: Any, ranges: Ranges, read: Read | None) -> tuple[Read, np.ndarray] | None:
-    """The rows of this rank with the vertices of cells by index; and (k,) those that links tie to others.
+    """The rows of this rank by the index of vertices; and (k,) of the vertices that links tie to others.
 
-    The latter ascend and are of the whole. None on all ranks where one has read nothing, or cells name no
-    vertices.
+    These ascend and are of the whole. A field has a row for each of the vertices that this rank has read.
+    None on all ranks where one has read nothing, or cells name no vertices.
     """
     if not agree(comm, read is not None) or read is None:
         return None
     size = ranges.points.count
-    numbering = Numbering(comm, size, ranges.base, read.numbers)
+    numbering = Numbering(comm, size, ranges.base, None if read.numbers is None else read.numbers[:, 0])
     if not numbering.sound:
         return None
     index = np.int32 if size <= np.iinfo(np.int32).max else np.int64
@@ -101,7 +103,22 @@ def with_indices(comm: Any, ranges: Ranges, read: Read | None) -> tuple[Read, np
         pairs = numbering.find(ranges.linked[first:last])
         pairs = pairs[((pairs >= 0) & (pairs < size)).all(axis=1)]
         linked = distinct(np.concatenate(comm.allgather(pairs.ravel().astype(np.int64))))
-    return read._replace(numbers=None), linked
+    if read.named is not None and read.field is not None:
+        read = read._replace(field=_of_vertices(comm, size, numbering.find(read.named[:, 0]), read.field))
+    return read._replace(numbers=None, named=None), linked
+
+
+def _of_vertices(comm: Any, size: int, index: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """(n, k) the last row that any rank has for each vertex of the range of this rank, NaN where none has.
+
+    index: (f,) of the vertices of the rows (f, k), none of ``size`` vertices where they are for none.
+    """
+    known, ranges = (index >= 0) & (index < size), bounds(size, comm.size)
+    index, rows = sent(comm, owner_of(index[known], ranges), index[known], rows[known])
+    first, last = ranges[comm.rank : comm.rank + 2]
+    own = np.full((last - first, rows.shape[1]), np.nan)
+    own[index - first] = rows
+    return own
 
 
 def values_of_tags(comm: Any, source: Path, ranges: Ranges) -> list[np.ndarray | None]:

@@ -242,6 +242,18 @@ def _pass_on(old: BinaryIO, new: BinaryIO, end: int) -> None:
 
 
 @dataclass(frozen=True)
+class Field:
+    """The point data of some vertices.
+
+    rows: (n, components). numbers: (n, 1) of the vertex that each row is for, None where there is one for
+    each vertex in their order. Of several for a vertex the last counts; without any it has NaN.
+    """
+
+    rows: Table
+    numbers: Table | None = None
+
+
+@dataclass(frozen=True)
 class Ranges:
     """The places of coordinates and cells in a file.
 
@@ -250,8 +262,8 @@ class Ranges:
     those of all, by which cells name them, None where they count from ``base``. names: of the cell data
     that tags are. once: whether a cell that is there twice counts once, in all its groups. order: of the
     types whose nodes have another order in the file the place there of each. groups: their names, with tag
-    and dimension. fields: the point data that have a row for each vertex, and where these lie. linked:
-    (k, 2) the numbers of vertices that periodic links tie together.
+    and dimension. fields: the point data. linked: (k, 2) the numbers of vertices that periodic links tie
+    together.
     """
 
     points: Table
@@ -262,7 +274,7 @@ class Ranges:
     once: bool = False
     order: Mapping[str, list[int]] = field(default_factory=dict)
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
-    fields: Mapping[str, Table] = field(default_factory=dict)
+    fields: Mapping[str, Field] = field(default_factory=dict)
     linked: np.ndarray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
 
     @property

@@ -25,6 +25,7 @@ from ranged_files import (
     DATA,
     FILES,
     LINKS,
+    METRIC,
     MIXED,
     NUMBERED,
     PARAMETRIC,
@@ -90,6 +91,8 @@ RUNS = (
     ("tetra tangled", "--metric metric -n 2 --patches"),
     ("quad layered", "--metric metric -n 2 --polish"),
     ("raw-data.vtu", "--metric metric -d random -n 2"),
+    *((name, "--metric metric -n 3 --patches") for name in METRIC),
+    ("41-metric.msh", "--metric metric --boundary slide -d random -n 40 --tol 1e-3"),
     ("tetra real", "-n 3"),
     ("triangle real", "--boundary slide --fix 1 -d random -n 3"),
     ("41-links.msh", "-n 3"),
@@ -153,7 +156,7 @@ def write(folder, name):
         return SAMPLES / "random_cube.vtk"
     if name == "partitions.msh":
         return partitioned(folder / name)
-    if name in (*FILES, *MIXED, *PLANAR, *DATA, *LINKS, *NUMBERED, *PARAMETRIC):
+    if name in (*FILES, *MIXED, *PLANAR, *DATA, *LINKS, *NUMBERED, *PARAMETRIC, *METRIC):
         return write_ranged(folder, name)
     kind, *how = name.split()
     if kind in KINDS:

@@ -17,7 +17,7 @@ from dvr_cli.files.reading import open_mesh
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from fuzz import COUNTS, mutated
 from meshes import delaunay
-from ranged_files import DATA, FILES, MIXED, NUMBERED, PARAMETRIC, PLANAR, gmsh_41, write_ranged
+from ranged_files import DATA, FILES, METRIC, MIXED, NUMBERED, PARAMETRIC, PLANAR, gmsh_41, write_ranged
 from threads import on_threads
 
 GMSH = [name for name in FILES if name.endswith("msh")]
@@ -27,11 +27,11 @@ def ranges_of(path: Path):
     return formats_by_suffix(path)[0].ranges_of(path)
 
 
-def read_by(ranks: int, path: Path, ranges) -> list[Read | None]:
+def read_by(ranks: int, path: Path, ranges, field: str | None = None) -> list[Read | None]:
     """What each of some ranks reads, vertices by index."""
 
     def of_rank(comm):
-        found = with_indices(comm, ranges, read_share(comm, path, ranges))
+        found = with_indices(comm, ranges, read_share(comm, path, ranges, field))
         return found and found[0]
 
     return on_threads(ranks, of_rank)
@@ -65,6 +65,18 @@ def test_processes_together_read_the_mesh(tmp_path, name):
     assert ranges is not None
     for ranks in (1, 3, 7):
         agree(path, ranges, ranks)
+
+
+@pytest.mark.parametrize("name", [*DATA, *METRIC])
+def test_processes_together_read_the_fields_of_vertices(tmp_path, name):
+    path = write_ranged(tmp_path, name)
+    ranges, fields = ranges_of(path), open_mesh(path).mesh.point_data
+    assert set(ranges.fields) <= set(fields)
+    assert ranges.fields
+    for field in ranges.fields:
+        for ranks in 1, 3:
+            found = np.concatenate([part.field for part in read_by(ranks, path, ranges, field)])
+            np.testing.assert_array_equal(found.reshape(fields[field].shape), fields[field])
 
 
 @pytest.mark.parametrize("name", [*FILES, *DATA])
@@ -112,7 +124,7 @@ def test_parts_are_written_as_one_process_writes_the_whole(tmp_path, name, step)
 
 
 @pytest.mark.parametrize("count", COUNTS)
-@pytest.mark.parametrize("name", [*FILES, *MIXED, *PLANAR, *DATA, *NUMBERED, *PARAMETRIC])
+@pytest.mark.parametrize("name", [*FILES, *MIXED, *PLANAR, *DATA, *NUMBERED, *PARAMETRIC, *METRIC])
 def test_of_damaged_files_processes_read_nothing_that_one_would_not(tmp_path, name, count):
     path = write_ranged(tmp_path, name)
     good = path.read_bytes()

@@ -41,7 +41,7 @@ def read_physical_names(data: bytes, section: Section) -> list[tuple[str, int, i
     return names
 
 
-class _Head(NamedTuple):
+class ViewHead(NamedTuple):
     """The lines in front of the values of a view; at: where these begin, and rows: how many there are."""
 
     name: str
@@ -50,25 +50,23 @@ class _Head(NamedTuple):
     rows: int
     at: int
 
+    @property
+    def is_field(self) -> bool:
+        """True if the values are scalars, vectors (3) or tensors (9)."""
+        return self.components in (1, 3, 9)
+
 
 def read_view(data: bytes, section: Section, header: Header) -> View | None:
     """Read $NodeData or $ElementData; None if it is neither scalar, vector (3) nor tensor (9)."""
-    head = _head(data, section)
-    if head.components not in (1, 3, 9):
+    head = read_view_head(data, section)
+    if not head.is_field:
         return None
     numbers, values = _values(data, head.at, section, header, head.rows, head.components)
     return View(head.name, section.name == "NodeData", head.step, numbers, values)
 
 
-def check_view(data: bytes, section: Section, header: Header) -> str:
-    """The name of a view of a binary file, of which the values are not looked at."""
-    head = _head(data, section)
-    if head.components in (1, 3, 9):
-        _table(data, head.at, section, header, head.rows, head.components)
-    return head.name
-
-
-def _head(data: bytes, section: Section) -> _Head:
+def read_view_head(data: bytes, section: Section) -> ViewHead:
+    """Read the lines in front of the values of $NodeData or $ElementData."""
     tags: list[list[bytes]] = []
     at = section.start
     for _ in ("strings", "reals", "integers"):
@@ -81,7 +79,7 @@ def _head(data: bytes, section: Section) -> _Head:
     if len(integers) < 3 or not all(re.fullmatch(rb"-?\d{1,18}", tag) for tag in integers):
         raise InputError(f"section ${section.name} is damaged: its integer tags are wrong")
     step, components, rows = map(int, integers[:3])
-    return _Head(_text(strings[0].strip(b'"')) if strings else "", step, components, rows, at)
+    return ViewHead(_text(strings[0].strip(b'"')) if strings else "", step, components, rows, at)
 
 
 def _values(
@@ -89,22 +87,19 @@ def _values(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(count,) tags and (count, components) values from where they begin to the section's end."""
     if header.byte_order:
-        table = _table(data, at, section, header, count, components)
+        row = np.dtype(
+            [("tag", header.byte_order + "i4"), ("value", header.byte_order + "f8", (components,))]
+        )
+        end = at + count * row.itemsize
+        if not at <= end <= section.stop or not is_blank(data, end, section.stop):
+            raise _wrong(section, count)
+        table = np.frombuffer(data, row, count, at)
         return table["tag"].astype(np.int64), table["value"]
     values = parse(data[at : section.stop], np.float64, section.name)
     if count * (1 + components) != len(values):
         raise _wrong(section, count)
     values = values.reshape(count, 1 + components)
     return np.rint(values[:, 0]).astype(np.int64), values[:, 1:]
-
-
-def _table(data: bytes, at: int, section: Section, header: Header, count: int, components: int) -> np.ndarray:
-    """(count,) rows of a tag and its values, a view of ``data``."""
-    row = np.dtype([("tag", header.byte_order + "i4"), ("value", header.byte_order + "f8", (components,))])
-    end = at + count * row.itemsize
-    if not at <= end <= section.stop or not is_blank(data, end, section.stop):
-        raise _wrong(section, count)
-    return np.frombuffer(data, row, count, at)
 
 
 def _wrong(section: Section, count: int) -> InputError:

@@ -18,7 +18,7 @@ import numpy as np
 
 from dvr_cli.errors import InputError
 from dvr_cli.files.gmsh.cells import cell_type
-from dvr_cli.files.gmsh.data import check_view, read_physical_names
+from dvr_cli.files.gmsh.data import ViewHead, read_physical_names, read_view_head
 from dvr_cli.files.gmsh.elements import MAX_BLOCKS
 from dvr_cli.files.gmsh.mesh import field_data, tags_of_entities
 from dvr_cli.files.gmsh.msh2 import agreeing
@@ -36,7 +36,7 @@ from dvr_cli.files.gmsh.sections import (
     read_count,
     read_header,
 )
-from dvr_cli.files.ranges import LINEAR, Counted, Part, Ranges, Rows, Table
+from dvr_cli.files.ranges import LINEAR, Counted, Field, Part, Ranges, Rows, Table
 from dvr_cli.mesh.regions import is_region_name
 
 _TAGS = ("gmsh:physical", "gmsh:geometrical")
@@ -81,7 +81,7 @@ def ranges_of(path: Path) -> Ranges | None:
 def _found(data: bytes) -> Ranges:
     once: dict[str, Section] = {}
     header, at = Header("", ""), 0
-    nodes, blocks, views = _Nodes(Table(()), Table(()), 0), list[_Block](), list[Section]()
+    nodes, blocks, views = _Nodes(Table(()), Table(()), 0), list[_Block](), list[ViewHead]()
     while (section := opening_of(data, at)) is not None:
         name = section.name
         _need(name not in _OTHER and not (name in _NEEDED and name in once))
@@ -94,18 +94,23 @@ def _found(data: bytes) -> Ranges:
             else:
                 blocks, at = (_elements_2 if older else _elements_4)(data, section, header.byte_order)
             section = section._replace(end=_end(data, at, name))
+        elif name in VIEWS:
+            view = read_view_head(data, section)
+            _need(header.byte_order != "" and min(view.components, view.rows) >= 0)
+            # what elements have could tell regions apart
+            _need(name == "NodeData" or not is_region_name(view.name))
+            if name == "NodeData" and view.is_field:
+                views.append(view)
+            at = view.at + view.rows * (4 + 8 * view.components)
+            section = section._replace(end=_end(data, at, name))
         else:
             section = next_section(data, at)
         if name in _NEEDED:
             once[name] = section
-        elif name in VIEWS:
-            views.append(section)
         if name == "MeshFormat":
             header = read_header(data, Sections(once, [], []))
         at = section.end
     named = read_physical_names(data, once["PhysicalNames"]) if "PhysicalNames" in once else []
-    for view in views:  # what it says of elements could tell regions apart
-        _need(not is_region_name(check_view(data, view, header)) or view.name == "NodeData")
     names: tuple[str, ...] = _TAGS
     if header.version == "4.1":
         entities = Entities({}, {}, set())
@@ -118,10 +123,31 @@ def _found(data: bytes) -> Ranges:
     tables = _tables(blocks)
     _need(nodes.points.count > 0 and len(tables) > 0)
     found = Ranges(nodes.points, tables, base=1, numbers=nodes.tags, names=names)
-    found = replace(found, once=header.version != "4.1", groups=field_data(named))
+    fields = _fields(views, header.byte_order)
+    found = replace(found, once=header.version != "4.1", groups=field_data(named), fields=fields)
     if "Periodic" not in once:
         return found
     return replace(found, linked=_linked(data, once["Periodic"], header))
+
+
+def _fields(views: list[ViewHead], order: str) -> dict[str, Field]:
+    """The fields of views on nodes; of those of one name all of the last step count."""
+    last: dict[str, list[ViewHead]] = {}
+    for view in views:
+        of_name = last.setdefault(view.name, [])
+        if of_name and (view.step, view.components) != (of_name[-1].step, of_name[-1].components):
+            of_name.clear()
+        of_name.append(view)
+    fields = {}
+    for name, of_name in last.items():
+        _need(len(of_name) <= _MOST)
+        rows, tags = [], []
+        for view in of_name:
+            stride = 4 + 8 * view.components
+            tags.append(Part(Rows(view.at, f"{order}i4", 1, view.rows, stride)))
+            rows.append(Part(Rows(view.at + 4, f"{order}f8", view.components, view.rows, stride)))
+        fields[name] = Field(Table(tuple(rows)), Table(tuple(tags)))
+    return fields
 
 
 def _linked(data: bytes, section: Section, header: Header) -> np.ndarray:

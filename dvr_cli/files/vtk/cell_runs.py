@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dvr_cli.files.ranges import LINEAR, Counted, Part, Ranges, Rows, Table
+from dvr_cli.files.ranges import LINEAR, Counted, Field, Part, Ranges, Rows, Table
 from dvr_cli.files.vtk.cells import MAX_BLOCKS, NODE_ORDER, VTK_TYPE
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.regions import is_no_region, is_region_name
@@ -60,7 +60,7 @@ def ranges_of_cells(
         of_run = tuple(rows.part(run.first, run.count) for rows in tags.values())
         cells.append((run.type, Table((Part(rows, (known, sizes), of_run),))))
     order = {name: NODE_ORDER[VTK_TYPE[name]] for name in LINEAR if VTK_TYPE[name] in NODE_ORDER}
-    of_points = {name: Table((Part(rows),)) for name, rows in fields.items()}
+    of_points = {name: Field(Table((Part(rows),))) for name, rows in fields.items()}
     return Ranges(Table((Part(points),)), tuple(cells), names=tuple(tags), order=order, fields=of_points)
 
 
