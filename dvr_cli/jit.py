@@ -10,7 +10,7 @@ import pickle
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from functools import cache, partial, update_wrapper
+from functools import cache, cached_property, partial, update_wrapper
 from importlib.util import find_spec
 from operator import attrgetter, getitem, itemgetter, setitem
 from pathlib import Path
@@ -19,8 +19,9 @@ from types import FunctionType, MappingProxyType, ModuleType
 from typing import Any, TypeVar, cast
 from zlib import crc32
 
+import numpy as np
 from llvmlite.binding import add_symbol, parse_bitcode
-from numba import config, njit, types
+from numba import config, types
 from numba.core import cgutils
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
@@ -49,6 +50,7 @@ from numba.core.untyped_passes import (
     TranslateByteCode,
 )
 from numba.extending import intrinsic
+from numba.np.numpy_support import from_dtype, map_layout
 
 from dvr_cli.kept import last_change
 
@@ -76,7 +78,13 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Kind = tuple[bool, bool, bool]  # of a mesh: planar, measured, on a surface
 # IEEE arithmetic as written: nothing fused or reassociated, division by zero as in NumPy. No entry point for
 # C is made: nothing calls one, and to compile it takes time.
-_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+_OPTIONS: dict[str, Any] = {
+    "nopython": True,
+    "boundscheck": None,
+    "nogil": True,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+}
 
 
 class _Unsettled:
@@ -95,14 +103,13 @@ ON_SURFACE: Any = _Unsettled()
 
 def compiled(function: _Function, **options: Any) -> _Function:
     """``function`` compiled when first called; it may be a plain loop over arrays."""
-    options |= _OPTIONS
-    options |= {"pipeline_class": _KernelCompiler}
-    made = njit(**options)(function)
-    if isinstance(made, Dispatcher):  # it is the function itself when numba is told to run Python
-        with suppress(RuntimeError):  # no directory to keep the result in: compile it anew in every process
-            cast(Any, made)._cache = _KernelCache(function)
-            forget_outdated(made.stats.cache_path)
-    return made
+    if vars(config)["DISABLE_JIT"]:
+        return function
+    made: Any = _Kernel(function, {}, options | _OPTIONS, _KernelCompiler)
+    with suppress(RuntimeError):  # no directory to keep the result in: compile it anew in every process
+        made._cache = _KernelCache(function)
+        forget_outdated(made.stats.cache_path)
+    return cast(_Function, made)
 
 
 def part(function: _Function, **options: Any) -> _Function:
@@ -110,8 +117,7 @@ def part(function: _Function, **options: Any) -> _Function:
     if vars(config)["DISABLE_JIT"]:
         _PLAIN.add(function)
         return function
-    options |= {"nopython": True, "boundscheck": None, "no_cpython_wrapper": True, **_OPTIONS}
-    return cast(_Function, _Part(function, {}, options, _PartCompiler))
+    return cast(_Function, _Part(function, options | {"no_cpython_wrapper": True, **_OPTIONS}))
 
 
 def inlined(function: _Function) -> _Function:
@@ -209,7 +215,7 @@ def _of_kind(value: Any, kind: _Kind) -> Any:
     function = value if plain else value.py_func
     if (function, kind) not in _parts:
         copy = _settled(function, kind, function.__name__)
-        _parts[function, kind] = copy if plain else _Part(copy, {}, value.targetoptions, _PartCompiler)
+        _parts[function, kind] = copy if plain else _Part(copy, value.options)
     return _parts[function, kind]
 
 
@@ -309,15 +315,48 @@ def _name_helpers() -> None:
         add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
 
 
-class _Part(CPUDispatcher):
-    """A function that only kernels call."""
+class _Kernel(CPUDispatcher):
+    """A function that Python calls."""
+
+    def typeof_pyval(self, value: Any) -> Any:
+        """numba's type of an argument.
+
+        To see that an array is not a masked one numba would load those, in a thirtieth of a short run.
+        """
+        if type(value) is np.ndarray:
+            readonly = not value.flags.writeable
+            return types.Array(from_dtype(value.dtype), value.ndim, map_layout(value), readonly=readonly)
+        if isinstance(value, tuple):
+            return types.BaseTuple.from_types([self.typeof_pyval(each) for each in value], type(value))
+        return super().typeof_pyval(value)
+
+
+class _Part:
+    """A function that only kernels call; numba hears of it when it compiles one of these."""
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        update_wrapper(self, function)
+        self.py_func, self.options = function, options
+
+    @cached_property
+    def _dispatcher(self) -> _PartDispatcher:
+        return _PartDispatcher(self.py_func, {}, self.options, _PartCompiler)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """By this name numba asks things for their type."""
+        return types.Dispatcher(self._dispatcher)
+
+    def __call__(self, *args: Any) -> Any:
+        raise TypeError(f"{self.py_func.__name__} is a part of kernels, which only these can call")
+
+
+class _PartDispatcher(CPUDispatcher):
+    """A part as numba knows it."""
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """For the types of the arguments, not for their values: these would make it another function each."""
         return super().get_call_template([types.unliteral(kind) for kind in args], kws)
-
-    def __call__(self, *args: Any) -> Any:
-        raise TypeError(f"{self.py_func.__name__} is a part of kernels, which only these can call")
 
 
 class _KernelLibrary(JITCodeLibrary):

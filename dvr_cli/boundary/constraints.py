@@ -19,6 +19,7 @@ from dvr_cli.mesh.domain import Domain
 from dvr_cli.mesh.facets import facets_of, numbered, outlines, vertices_of
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.named_facets import named_facets
+from dvr_cli.mesh.ranks import distinct, distinct_and_ranks
 from dvr_cli.mesh.region_choice import regions_of
 from dvr_cli.mesh.second_order import linear_cells
 
@@ -265,10 +266,12 @@ def _labels(under: np.ndarray, tags: np.ndarray, sides: np.ndarray) -> np.ndarra
 
     under: (n,) the facet or edge under each lower cell; tags: (n,) the number of the lower cell's tags.
     """
-    pairs = np.unique(np.stack([under, tags], axis=1), axis=0)
-    nth = np.arange(len(pairs)) - np.searchsorted(pairs[:, 0], pairs[:, 0])
+    different, tag = distinct_and_ranks(tags)
+    several = max(len(different), 1)
+    facet, tag = np.divmod(distinct(under * several + tag), several)
+    nth = np.arange(len(facet)) - np.searchsorted(facet, facet)
     on = np.full((len(sides), nth.max(initial=0) + 1), -1)
-    on[pairs[:, 0], nth] = pairs[:, 1]
+    on[facet, nth] = tag
     label = np.zeros(len(sides), dtype=np.int64)
     for column in (*sides.T, *on.T):
         values, index = np.unique(column, return_inverse=True)

@@ -12,6 +12,7 @@ import numpy as np
 
 from dvr_cli.mesh.facets import vertices_of
 from dvr_cli.mesh.hashing import mixed
+from dvr_cli.mesh.ranks import distinct
 
 _NEAR = 1e-6  # of the size of a facet: how far off it a vertex may be to count as on it
 _PAIRS = 1 << 20  # pairs of facets and vertices looked at together
@@ -33,7 +34,7 @@ def hanging_vertices(
     low, high = points[filled].min(axis=1), points[filled].max(axis=1)
     size = (high - low).max(axis=1, initial=0.0)
     level = levels_of(points[filled])
-    for one in np.unique(level[size > 0]):
+    for one in distinct(level[size > 0]):
         own = np.flatnonzero((level == one) & (size > 0))
         width = np.ldexp(1.0, int(one))
         place = boxes(np.floor(points[vertices] / width))
@@ -90,7 +91,7 @@ def _portions(counts: np.ndarray) -> list[tuple[int, int]]:
     """Stretches of rows with about _PAIRS pairs each."""
     total = np.cumsum(counts)
     cuts = np.searchsorted(total, np.arange(_PAIRS, int(total[-1]) if len(total) else 0, _PAIRS)) + 1
-    ends = np.unique(np.concatenate([[0], cuts, [len(counts)]])).tolist()
+    ends = distinct(np.concatenate([[0], cuts, [len(counts)]])).tolist()
     return list(pairwise(ends))
 
 

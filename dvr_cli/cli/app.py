@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 
 from dvr_cli import __version__
 from dvr_cli.cli.help import Command
-from dvr_cli.cli.morph import MORPH_EXAMPLES, morph
-from dvr_cli.cli.report import COMPARE_EXAMPLES, QUALITY_EXAMPLES, compare, quality
-from dvr_cli.cli.smooth import SMOOTH_EXAMPLES, smooth
 from dvr_cli.cli.streams import emit
-from dvr_cli.cli.untangle import UNTANGLE_EXAMPLES, untangle
-from dvr_cli.cli.warm_up import WARM_UP_EXAMPLES, warm_up
 from dvr_cli.errors import UsageError
 
 # without markup, help and errors do not import rich, which would double the time they take
@@ -25,18 +22,15 @@ _SETTINGS: dict[str, Any] = {
 # typer >= 0.26 keeps click in a private place; this is click's UsageError wherever that is
 _ParserError: type[Exception] = typer.BadParameter.__bases__[0]
 
-app = typer.Typer(**_SETTINGS)
-report = typer.Typer(help="Measure the quality of meshes.", **_SETTINGS)
-app.add_typer(report, name="report")
-for group, function, examples in (
-    (app, smooth, SMOOTH_EXAMPLES),
-    (app, untangle, UNTANGLE_EXAMPLES),
-    (app, morph, MORPH_EXAMPLES),
-    (app, warm_up, WARM_UP_EXAMPLES),
-    (report, quality, QUALITY_EXAMPLES),
-    (report, compare, COMPARE_EXAMPLES),
-):
-    group.command(cls=Command, epilog="\n".join(examples))(function)
+# the first word names the module, the last one the function and its examples
+_COMMANDS = (
+    ("smooth",),
+    ("untangle",),
+    ("morph",),
+    ("warm-up",),
+    ("report", "quality"),
+    ("report", "compare"),
+)
 
 
 def _print_version(wanted: bool) -> None:
@@ -45,8 +39,7 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
-def dvr(
+def _dvr(
     version: Annotated[
         bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
     ] = False,
@@ -58,9 +51,29 @@ def dvr(
     """
 
 
+def _app(arguments: Sequence[str]) -> typer.Typer:
+    """The application with the command that ``arguments`` begin with, or with all of them.
+
+    To read the options of one command takes as long as to read a small mesh.
+    """
+    app = typer.Typer(**_SETTINGS)
+    app.callback()(_dvr)
+    report = typer.Typer(help="Measure the quality of meshes.", **_SETTINGS)
+    named = [words for words in _COMMANDS if tuple(arguments[: len(words)]) == words]
+    for words in named or _COMMANDS:
+        module, name = words[0].replace("-", "_"), words[-1].replace("-", "_")
+        command = import_module(f"dvr_cli.cli.{module}")
+        epilog = "\n".join(getattr(command, f"{name.upper()}_EXAMPLES"))
+        group = app if len(words) == 1 else report
+        group.command(cls=Command, epilog=epilog)(getattr(command, name))
+    if report.registered_commands:
+        app.add_typer(report, name="report")
+    return app
+
+
 def run(arguments: list[str]) -> int:
     """Run the command that ``arguments`` name and return its exit code; errors are raised as DvrError."""
-    command = typer.main.get_command(app)
+    command = typer.main.get_command(_app(arguments))
     try:
         with command.make_context("dvr", arguments) as context:
             return command.invoke(context) or 0

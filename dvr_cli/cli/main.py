@@ -13,6 +13,8 @@ from dvr_cli.cli.codes import DONE, INTERNAL_ERROR, INTERRUPTED
 from dvr_cli.cli.streams import discard, emit, error_line, say
 from dvr_cli.errors import DvrError, OutputError
 
+_GARBAGE = 1_000_000  # objects after which Python looks for garbage: modules make many, all of which stay
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run ``dvr`` with these arguments (default: those of the process) and return the exit code.
@@ -42,6 +44,7 @@ def _run(arguments: list[str]) -> int:
             return DONE
         # nothing here is worth BLAS threads, and starting them is a third of the time to import numpy
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        gc.set_threshold(_GARBAGE)
         atexit.register(gc.freeze)  # else the process ends with a long look for garbage
         from dvr_cli.cli.app import run
 

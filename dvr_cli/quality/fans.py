@@ -15,6 +15,7 @@ import numpy as np
 
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells
+from dvr_cli.mesh.ranks import distinct
 from dvr_cli.quality.angles import interior_angles
 
 
@@ -43,7 +44,7 @@ def fans(points: np.ndarray, blocks: list[Cells], vertices: np.ndarray) -> Itera
         cells = np.concatenate([cells for other, cells in parts if other == name])
         if CELL_TYPES[name].dimension == 3:
             yield Fan((v,), len(cells), best(_solid_angles(points, cells, v).mean()))
-            for w in np.intersect1d(vertices[i + 1 :], cells).tolist():
+            for w in distinct(cells[np.isin(cells, vertices[i + 1 :])]).tolist():
                 at_edge = cells[(cells == w).any(axis=1)]
                 share = _dihedral_angles(points, at_edge, v, w).mean()
                 yield Fan((v, w), len(at_edge), best_tetra_at_edge(share))

@@ -12,7 +12,6 @@ from typing import BinaryIO
 import numpy as np
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.gmsh import msh1, msh2, msh3, msh4
 from dvr_cli.files.gmsh.data import View, read_physical_names, read_view
 from dvr_cli.files.gmsh.elements import Elements
 from dvr_cli.files.gmsh.mesh import make_mesh
@@ -111,6 +110,8 @@ def _beyond(sections: Sections, views: list[View | None]) -> list[str]:
 
 
 def _read_msh2(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
+    from dvr_cli.files.gmsh import msh2
+
     nodes = msh2.read_nodes(data, once["Nodes"], header)
     elements = msh2.read_elements(data, once["Elements"], header) if "Elements" in once else []
     periodic = msh2.read_periodic(data, once["Periodic"]) if "Periodic" in once else _NO_PAIRS
@@ -118,12 +119,16 @@ def _read_msh2(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
 
 
 def _read_msh1(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
+    from dvr_cli.files.gmsh import msh1, msh2
+
     nodes = msh2.read_nodes(data, once["Nodes"], header)
     elements = msh1.read_elements(data, once["Elements"]) if "Elements" in once else []
     return nodes, elements, _NO_PAIRS, 0
 
 
 def _read_msh3(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
+    from dvr_cli.files.gmsh import msh2, msh3
+
     physical = msh3.read_entities(data, once["Entities"]) if "Entities" in once else {}
     nodes = msh3.read_nodes(data, once["Nodes"], header)
     elements = msh3.read_elements(data, once["Elements"], header, physical) if "Elements" in once else []
@@ -132,6 +137,8 @@ def _read_msh3(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
 
 
 def _read_msh4(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
+    from dvr_cli.files.gmsh import msh4
+
     older = header.version != "4.1"
     entities = msh4.Entities({}, {}, set())
     for name in ("Entities", "PartitionedEntities"):
@@ -147,6 +154,8 @@ def _read_msh4(data: bytes, header: Header, once: dict[str, Section]) -> _Parts:
     if "Periodic" in once and older and header.byte_order:
         raise InputError("periodic links in binary MSH 4.0 files are not supported")
     if "Periodic" in once and older:
+        from dvr_cli.files.gmsh import msh2
+
         periodic = msh2.read_periodic(data, once["Periodic"])
     elif "Periodic" in once:
         periodic = msh4.read_periodic(read_numbers(data, once["Periodic"], header))

@@ -169,6 +169,8 @@ def choose_engine(
     if name == "auto":
         sweeps = min(max_iterations, _USUAL_SWEEPS)
         work = vertices * (sweeps + (_PATCHES if patches else 0)) + walking * sweeps * _WALK
+        if not work:  # only the name is checked
+            return KINDS["numpy"]
         usual = [".", *(["surface"] * (walking > 0)), *(["patches"] * patches)]
         folders = ["surface"] if mesh.surface else usual
         fastest, repays = KINDS["numba"], _REPAYS
