@@ -1,6 +1,7 @@
 """The compiler as this package sets it up: what it keeps, and numba as it is for others in the process."""
 
 from types import FunctionType, ModuleType
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -93,6 +94,50 @@ def test_kernels_from_disk_run_and_are_linked_into_others(tmp_path, monkeypatch)
         calling = jit.compiled(FunctionType(doubled_and_one.__code__, names, "doubled_and_one"))
         assert calling(values).tolist() == [1.0, 3.0, 5.0]
         assert hits(calling) == found
+
+
+@jit.part
+def tripled(values):
+    """A part of a kernel."""
+    return 3.0 * values
+
+
+def tripled_and_one(values):
+    """A kernel that calls a part."""
+    return tripled(values) + 1.0
+
+
+def test_numba_hears_of_parts_when_it_compiles_what_calls_them(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    values = np.arange(3.0)
+    for found in (0, 1):
+        names = {**globals(), "tripled": jit.part(tripled.py_func)}
+        kernel = jit.compiled(FunctionType(tripled_and_one.__code__, names, "tripled_and_one"))
+        assert kernel(values).tolist() == [1.0, 4.0, 7.0]
+        assert hits(kernel) == found
+        assert ("_dispatcher" in vars(names["tripled"])) == (not found)
+
+
+class Pair(NamedTuple):
+    """Arguments as kernels take them."""
+
+    one: np.ndarray
+    other: tuple
+
+
+def test_arguments_have_the_types_that_numba_finds():
+    frozen = np.arange(4)
+    frozen.flags.writeable = False
+    flat, table = np.ones(3, dtype=np.float32), np.ones((3, 4), dtype=bool)
+    arrays = flat, table, table.T, table[:, 1:], np.ones((2, 0)), frozen, np.array(1.0)
+    found = jit.compiled(doubled).typeof_pyval
+    for value in (*arrays, arrays, Pair(flat, (table.T, 1)), (flat, flat), 1, 2.0, True, np.int32(3)):
+        assert found(value) == theirs(value)
+
+
+def theirs(value):
+    """The type of an argument as numba finds it."""
+    return numba.njit(doubled).typeof_pyval(value)
 
 
 def kept(folder, ending):

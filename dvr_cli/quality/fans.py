@@ -104,6 +104,7 @@ def _solid_angles(points: np.ndarray, cells: np.ndarray, v: int) -> np.ndarray:
 def _dihedral_angles(points: np.ndarray, cells: np.ndarray, v: int, w: int) -> np.ndarray:
     """(n,) angle of each tetrahedron at its edge from v to w."""
     others = points[cells[(cells != v) & (cells != w)].reshape(-1, 2)] - points[v]
-    one, other = np.moveaxis(np.cross(points[w] - points[v], others), 1, 0)
-    across = np.linalg.norm(np.cross(one, other), axis=1)
-    return np.arctan2(across, (one * other).sum(axis=1))
+    edge = points[w] - points[v]
+    along, one, other = edge / np.sqrt(edge @ edge), others[:, 0], others[:, 1]
+    across = np.abs(np.cross(one, other) @ along)
+    return np.arctan2(across, (one * other).sum(axis=1) - (one @ along) * (other @ along))
