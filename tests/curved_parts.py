@@ -122,6 +122,20 @@ def ball(seed: int, n: int = 3) -> Mesh:
     )
 
 
+def squeezed(seed: int, n: int = 3) -> Mesh:
+    """Such a ball, whose outer vertices are astray on the sphere, too, where its elements stay positive."""
+    mesh, rng = ball(seed, n), np.random.default_rng(seed)
+    points, tets = mesh.points.copy(), mesh.cells[0].vertices
+    for vertex in rng.permutation(np.unique(skin(mesh))):
+        before, around = points[vertex].copy(), points[tets[(tets == vertex).any(axis=1)]]
+        place = before + 0.3 * rng.standard_normal(3)
+        place /= np.linalg.norm(place)
+        around[(around == before).all(axis=2)] = place
+        if (np.linalg.det(around[:, 1:] - around[:, :1]) > 0).all():
+            points[vertex] = place
+    return Mesh(points, mesh.cells)
+
+
 def skin(mesh: Mesh) -> np.ndarray:
     """The boundary triangles of a tetrahedral mesh, or all triangles of a surface."""
     cells = mesh.cells[0].vertices

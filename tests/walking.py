@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from curved_parts import wavy
+from curved_parts import skin, wavy
 from dvr_cli.api.boundary import moves_of
 from dvr_cli.mesh.domain import domain_of
 from dvr_cli.mesh.mesh import Mesh
@@ -65,6 +65,25 @@ def uprightness(mesh: Mesh, points: np.ndarray) -> np.ndarray:
     a, b, c = points[triangles].swapaxes(0, 1)
     below = nearest(mesh.points[triangles], (a + b + c) / 3)[1]
     return (np.cross(b - a, c - a) * normals[below]).sum(axis=1)
+
+
+def sides(mesh: Mesh, points: np.ndarray, walking: np.ndarray) -> np.ndarray:
+    """(n,) the least cosine of each boundary triangle of a volume, moved to ``points``, and the input there.
+
+    That is at each of its vertices that are among ``walking``; where several triangles of the input meet
+    there, the one that is most like it counts.
+    """
+    facets = skin(mesh)
+    before, after = mesh.points[facets], points[facets]
+    normals = [np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]) for at in (before, after)]
+    was, now = (n / np.linalg.norm(n, axis=1)[:, None] for n in normals)
+    cosine = np.ones(len(facets))
+    for vertex in walking:
+        place = np.tile(points[vertex], (len(facets), 1))
+        away = np.linalg.norm(trimesh.triangles.closest_point(before, place) - place, axis=1)
+        here, around = away < 1e-11, (facets == vertex).any(axis=1)
+        cosine[around] = np.minimum(cosine[around], (now[around] @ was[here].T).max(axis=1))
+    return cosine
 
 
 def hosts(standing) -> dict[int, int]:

@@ -22,7 +22,8 @@ from dvr_cli.boundary.unconnected import coincident_vertices
 from dvr_cli.boundary.unfolding import Unfolding
 from dvr_cli.mesh.csr import group
 from dvr_cli.mesh.facets import numbered, vertices_of
-from dvr_cli.mesh.orientation import connected_parts
+from dvr_cli.mesh.mesh import Cells
+from dvr_cli.mesh.orientation import connected_parts, unlike_cells, with_mirrored
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +72,7 @@ def smooth_parts_of(
     dimension, exact = smooth.freedom.dimension, flat.dimension
     faces = facets if facets.shape[1] > 2 else np.empty((0, 3), dtype=np.int64)
     triangles, facet = triangulated(faces)
+    triangles = _alike(triangles, constraints.two_sided[facet], constraints.backend)
     patch = _patches(faces, ridges, constraints.backend)[facet]
     curve = _curves(ridges, dimension == 1)
 
@@ -115,6 +117,16 @@ def _patches(facets: np.ndarray, ridges: np.ndarray, backend: Backend) -> np.nda
     pair = start[:-1][(np.diff(start) == 2) & ~parted]
     parts = backend.twin(connected_parts)
     return _numbers(parts(len(facets), owner[position[pair]], owner[position[pair + 1]]))
+
+
+def _alike(triangles: np.ndarray, two_sided: np.ndarray, backend: Backend) -> np.ndarray:
+    """Triangles (T, 3), those whose order means nothing (``two_sided``) in the order of their neighbours."""
+    if not two_sided.any():
+        return triangles
+    sheets, alike = [Cells("triangle", triangles[two_sided])], triangles.copy()
+    unlike = unlike_cells(np.ones(two_sided.sum()), sheets, backend)
+    alike[two_sided] = with_mirrored(sheets, unlike)[0].vertices
+    return alike
 
 
 def _curves(ridges: np.ndarray, inner: np.ndarray) -> np.ndarray:

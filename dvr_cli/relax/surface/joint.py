@@ -3,8 +3,8 @@
 The solver of patches sees a vertex that walks in the plane of its facet or on the line of its segment. Here
 each of them goes its way on the input, so it is on the surface or curve again, however that bends. Then all
 rings of the patch are evaluated: the vertices stay there if the patch's smallest quality has grown, no
-altitude is below the bound, no triangle of a surface has turned over, and the mesh is nowhere farther from
-the input than the limit. Else the move is tried again, shorter.
+altitude is below the bound, no triangle of a surface or of a volume's boundary has turned over, and the mesh
+is nowhere farther from the input than the limit. Else the move is tried again, shorter.
 
 Untangling moves many vertices at once, in rings that are not positive yet. There each goes its way as well,
 and what comes too far from the input, or turns a facet of the boundary over, goes a shorter way by itself.
@@ -60,14 +60,14 @@ def move_jointly(
     start, uw, stood, far = np.zeros((n, 3)), np.empty((n, 2)), np.empty(n, np.int64), np.empty(n)
     for i in range(n):
         _remember(walk, vertices[chosen[i]], i, start, uw, stood)
-    part = 1.0
+    down, part = _turned_over(walk, chosen), 1.0
     for _ in range(_TRIES):
         for i in range(n):
             _go_part(walk, vertices[chosen[i]], moves, i, part)
             far[i] = _distance(points, vertices[chosen[i]], i, start)
         after = _largest(walk, chosen, altitude, scratch)
         better = improves(before, after, dimension_of(walk.rings)) and _upright(walk, chosen)
-        if better and _look(walk, chosen, far, slot, limit):
+        if better and _keeps_sides(walk, chosen, slot, down) and _look(walk, chosen, far, slot, limit):
             _take_over(walk, chosen, slot)
             return before, after
         for i in range(n):
@@ -88,12 +88,9 @@ def go_jointly(walk: Walk, chosen: np.ndarray, moves: np.ndarray, slot: np.ndarr
     n = len(chosen)
     start, uw, stood, far = np.zeros((n, 3)), np.empty((n, 2)), np.empty(n, np.int64), np.empty(n)
     part, fault, again = np.ones(n), np.ones(n, np.bool_), np.ones(n, np.bool_)
-    down = np.zeros(len(walk.ground.triangles), np.bool_)  # facets that are turned over as it is
+    down = _turned_over(walk, chosen)
     for i in range(n):
-        vertex = vertices[chosen[i]]
-        _remember(walk, vertex, i, start, uw, stood)
-        for entry in range(stars.triangle_start[vertex], stars.triangle_start[vertex + 1]):
-            down[stars.triangle[entry]] = not _facet_upright(walk, stars.triangle[entry])
+        _remember(walk, vertices[chosen[i]], i, start, uw, stood)
     for look in range(_TRIES + _STOPS):
         for i in range(n):
             if fault[i]:
@@ -217,6 +214,34 @@ def _facet_upright(walk: Walk, triangle: int) -> bool:
             if not side(points, x0, x1, x2, b, c, standing.at[member], ground.normals) > 0.0:
                 return False
     return stand > 0 or bool(side(points, x0, x1, x2, b, c, triangle, ground.normals) > 0.0)
+
+
+def _turned_over(walk: Walk, chosen: np.ndarray) -> np.ndarray:
+    """(T,) bool, the facets around vertices of a volume's boundary that are turned over where they are."""
+    vertices, stars = walk.rings.vertices, walk.stars
+    down = np.zeros(len(walk.ground.triangles), np.bool_)
+    if len(walk.corners.number):
+        return down
+    for i in range(len(chosen)):
+        vertex = vertices[chosen[i]]
+        for entry in range(stars.triangle_start[vertex], stars.triangle_start[vertex + 1]):
+            down[stars.triangle[entry]] = not _facet_upright(walk, stars.triangle[entry])
+    return down
+
+
+def _keeps_sides(walk: Walk, chosen: np.ndarray, slot: np.ndarray, down: np.ndarray) -> bool:
+    """True if no facet of a volume's boundary is turned over but those that were, ``down`` ((T,) bool)."""
+    vertices, ground, stars = walk.rings.vertices, walk.ground, walk.stars
+    if len(walk.corners.number):
+        return True
+    for i in range(len(chosen)):
+        vertex = vertices[chosen[i]]
+        for entry in range(stars.triangle_start[vertex], stars.triangle_start[vertex + 1]):
+            triangle = stars.triangle[entry]
+            first = _has_first(triangle, vertex, slot, ground)
+            if first and not (down[triangle] or _facet_upright(walk, triangle)):
+                return False
+    return True
 
 
 def _faultless(

@@ -8,9 +8,9 @@ surface by construction, cannot jump through a thin wall, and needs no nearest p
 in one dimension.
 
 At the end the ring is evaluated again: the vertex stays there if its minimum quality has grown (or its price
-has fallen, above the floor), no triangle of a surface has turned over against the facets its vertices stand
-on, no altitude is below the bound, and the mesh is nowhere farther from the input than the limit. Else the
-walk is tried again, shorter.
+has fallen, above the floor), no triangle of a surface or of a volume's boundary has turned over against the
+facets its vertices stand on, no altitude is below the bound, and the mesh is nowhere farther from the input
+than the limit. Else the walk is tried again, shorter.
 
 These are kernels, written for one vertex at a time over the functions of ``ring``; ``walk_numba`` has them
 compiled over those of ``ring_numba``, so both do the same operations in the same order. Records are taken out
@@ -438,40 +438,61 @@ def lay_out(walk: Walk, ring: int, direction: Vector, signed: bool, scratch: np.
 
 
 def _upright(walk: Walk, ring: int, x: Vector, at: int) -> bool:
-    """True if no triangle of a surface's ring turned over as its vertex came here from x on facet ``at``.
+    """True if no triangle around a vertex turned over as it came here from x on facet ``at``.
 
-    A triangle is upright if its normal is on the side of those of the facets that its vertices stand on; if
-    none of them stands on one, of that of the facet it was in the input.
+    These are the corners of a surface's ring, or the facets of a volume's boundary. A triangle is upright if
+    its normal is on the side of those of the facets that its vertices stand on; if none of them stands on
+    one, of that of the facet it was in the input.
     """
     points, rings, corners, standing = walk.points, walk.rings, walk.corners, walk.standing
-    if not len(corners.number):
-        return True
-    vertex = rings.vertices[ring]
+    stars, triangles, normals = walk.stars, walk.ground.triangles, walk.ground.normals
+    vertex, on_surface = rings.vertices[ring], len(corners.number) > 0
     others, number, turned = rings.others, corners.number, standing.turned
-    kind, stands, normals = standing.kind, standing.at, walk.ground.normals
+    kind, stands = standing.kind, standing.at
     x0, x1, x2 = x
-    y0, y1, y2 = points[vertex, 0], points[vertex, 1], points[vertex, 2]
-    lo = rings.start[ring]
-    for c in range(rings.start[ring + 1] - lo):
-        p, q = others[lo + c, 0], others[lo + c, 1]
+    y0, y1 = points[vertex, 0], points[vertex, 1]
+    y2 = points[vertex, 2] if points.shape[1] == 3 else 0.0
+    start, stop = stars.triangle_start[vertex], stars.triangle_start[vertex + 1]
+    if on_surface:
+        start, stop = rings.start[ring], rings.start[ring + 1]
+    for entry in range(start, stop):
+        down = False
+        if on_surface:
+            p, q, facet = others[entry, 0], others[entry, 1], corners.triangle[entry]
+            down = turned[number[entry]]
+        else:
+            facet = stars.triangle[entry]
+            k = _place_in(triangles, facet, vertex)
+            p, q = triangles[facet, (k + 1) % 3], triangles[facet, (k + 2) % 3]
         e0, e1, e2 = points[p, 0] - y0, points[p, 1] - y1, points[p, 2] - y2
         f0, f1, f2 = points[q, 0] - y0, points[q, 1] - y1, points[q, 2] - y2
         a0, a1, a2 = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
         sides = 0
         for k in range(3):
-            member = vertex if k == 0 else others[lo + c, k - 1]
+            member = vertex if k == 0 else (p if k == 1 else q)
             if kind[member] != SURFACE:
                 continue
             sides += 1
             after = stands[member]
             before = at if k == 0 else after
             if not normals[after, 0] * a0 + normals[after, 1] * a1 + normals[after, 2] * a2 > 0.0 and (
-                turned[number[lo + c]] or side(points, x0, x1, x2, p, q, before, normals) > 0.0
+                down or side(points, x0, x1, x2, p, q, before, normals) > 0.0
             ):
                 return False
-        if sides == 0 and not side(points, y0, y1, y2, p, q, corners.triangle[lo + c], normals) > 0.0:
+        if (
+            sides == 0
+            and not side(points, y0, y1, y2, p, q, facet, normals) > 0.0
+            and (on_surface or side(points, x0, x1, x2, p, q, facet, normals) > 0.0)
+        ):
             return False
     return True
+
+
+def _place_in(triangles: np.ndarray, triangle: int, vertex: int) -> int:
+    """The place of a vertex among the three of a triangle."""
+    if triangles[triangle, 0] == vertex:
+        return 0
+    return 1 if triangles[triangle, 1] == vertex else 2
 
 
 def side(
