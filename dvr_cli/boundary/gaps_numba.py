@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.boundary.gaps import SLACK
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, full
 
 
 @compiled
@@ -19,7 +19,7 @@ def least_gaps(
     start: np.ndarray,
 ) -> np.ndarray:
     """As ``gaps.least_gaps``."""
-    result = np.full(len(own), np.inf)
+    result = full(len(own), np.inf, np.float64)
     for point in range(len(own)):
         for entry in range(start[part[point]], start[part[point] + 1]):
             t = triangle[entry]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, empty, zeros
 from dvr_cli.mesh.csr_numba import group
 
 
@@ -22,9 +22,9 @@ def facet_order(vertices: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
         for k in range(width):
             missing += vertices[i, k] < 0
         fewest = min(fewest, width - missing)
-    place = np.empty(m, dtype=np.int64)
-    next_two, last = np.zeros(m, dtype=np.int64), np.zeros(m if width == 4 else 0, dtype=np.int64)
-    row = np.empty(width, dtype=np.int64)
+    place = empty(m, np.int64)
+    next_two, last = zeros(m, np.int64), zeros(m if width == 4 else 0, np.int64)
+    row = empty(width, np.int64)
     for i in range(m):
         for k in range(width):  # insertion sort of the row
             j = k

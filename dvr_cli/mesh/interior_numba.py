@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import compiled, empty, inlined
 from dvr_cli.mesh.hashing import mixed
 
 _mixed = inlined(mixed)
@@ -21,7 +21,7 @@ def cancel_facets(
 ) -> None:
     """As ``interior.cancel_facets``."""
     width = vertices.shape[1]
-    number, around = np.empty(width, dtype=np.uint64), np.empty(width, dtype=np.uint64)
+    number, around = empty(width, np.uint64), empty(width, np.uint64)
     for c in range(len(vertices)):
         for k in range(width):
             number[k], around[k] = of_vertex[vertices[c, k]], 0
@@ -49,7 +49,7 @@ def cancel_facets_of_simplices(
 ) -> None:
     """The same for triangles or tetrahedra, each facet of which lacks one vertex."""
     width = vertices.shape[1]
-    number = np.empty(width, dtype=np.uint64)
+    number = empty(width, np.uint64)
     for c in range(len(vertices)):
         total, around = of_region[c], np.uint64(0)
         for k in range(width):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, zeros
 
 
 @compiled
 def summed(of_vertex: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """As ``repeated.summed``."""
-    result = np.zeros(len(vertices), dtype=np.uint64)
+    result = zeros(len(vertices), np.uint64)
     for c in range(len(vertices)):
         for k in range(vertices.shape[1]):
             result[c] += of_vertex[vertices[c, k]]

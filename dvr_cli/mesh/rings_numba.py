@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, empty, zeros
 
 
 @compiled
@@ -12,8 +12,8 @@ def incidence(
     vertices: np.ndarray, number: np.ndarray, n: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """As ``rings.incidence``."""
-    start = np.zeros(n + 1, dtype=np.int64)
-    members = np.empty((len(vertices), vertices.shape[1]), dtype=np.int32)
+    start = zeros(n + 1, np.int64)
+    members = empty((len(vertices), vertices.shape[1]), np.int32)
     for c in range(len(members)):
         for k in range(members.shape[1]):
             i = number[vertices[c, k]]
@@ -23,8 +23,8 @@ def incidence(
     for i in range(n):
         start[i + 1] += start[i]
     fill = start[:-1].copy()
-    corner = np.empty(start[n], dtype=np.int32)
-    place = np.empty(start[n], dtype=np.int8)
+    corner = empty(start[n], np.int32)
+    place = empty(start[n], np.int8)
     for c in range(len(members)):
         for k in range(members.shape[1]):
             i = members[c, k]
@@ -46,13 +46,13 @@ def rings(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """As ``rings.rings``, of a sequence of all the vertices."""
     width = vertices.shape[1]
-    new_start = np.zeros(len(sequence) + 1, dtype=np.int64)
-    ring_start = np.empty(len(sequence), dtype=np.int64)
+    new_start = zeros(len(sequence) + 1, np.int64)
+    ring_start = empty(len(sequence), np.int64)
     for i in range(len(sequence)):
         ring_start[sequence[i]] = new_start[i]
         new_start[i + 1] = new_start[i] + start[sequence[i] + 1] - start[sequence[i]]
-    others = np.empty((new_start[-1], width - 1), dtype=np.int32)
-    shape = np.empty(new_start[-1], dtype=np.int32)
+    others = empty((new_start[-1], width - 1), np.int32)
+    shape = empty(new_start[-1], np.int32)
     for vertex in range(len(sequence)):  # not in sequence: neighbours' rings share corners
         new = ring_start[vertex]
         for entry in range(start[vertex], start[vertex + 1]):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import compiled, empty, inlined
 
 
 @compiled
 def determinants(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """As ``simplex.determinants``."""
-    result = np.empty(len(vertices))
+    result = empty(len(vertices), np.float64)
     for i in range(len(vertices)):
         if vertices.shape[1] == 3:
             result[i] = determinant_2d(points, vertices[i])

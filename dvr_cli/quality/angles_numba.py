@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import compiled, empty, inlined, zeros
 
 
 @compiled
@@ -12,10 +12,10 @@ def with_extreme_cosines(
     points: np.ndarray, vertices: np.ndarray, faces: np.ndarray, pairs: np.ndarray, near: float
 ) -> np.ndarray:
     """As ``angles.with_extreme_cosines``: few other cells are among those it gives."""
-    extreme = np.zeros(len(vertices), dtype=np.bool_)
+    extreme = zeros(len(vertices), np.bool_)
     low, high = np.inf, -np.inf
-    normal = np.empty((len(faces), 3))
-    length = np.empty(len(faces))
+    normal = empty((len(faces), 3), np.float64)
+    length = empty(len(faces), np.float64)
     for c in range(len(vertices)):
         for f in range(len(faces)):
             p, q = vertices[c, faces[f, 0]], vertices[c, faces[f, 1]]
@@ -38,7 +38,7 @@ def with_extreme_cosines(
 @compiled
 def tetrahedra_with_extreme_cosines(points: np.ndarray, vertices: np.ndarray, near: float) -> np.ndarray:
     """As ``with_extreme_cosines``."""
-    extreme = np.zeros(len(vertices), dtype=np.bool_)
+    extreme = zeros(len(vertices), np.bool_)
     low, high = np.inf, -np.inf
     for c in range(len(vertices)):
         o, p, q, r = vertices[c, 0], vertices[c, 1], vertices[c, 2], vertices[c, 3]
@@ -75,7 +75,7 @@ def with_extreme_turns(points: np.ndarray, vertices: np.ndarray, near: float) ->
     A turn grows with the angle, from 0 to 4. Cells whose turn cannot be told are given, too.
     """
     k, space = vertices.shape[1], points.shape[1]
-    extreme = np.zeros(len(vertices), dtype=np.bool_)
+    extreme = zeros(len(vertices), np.bool_)
     low, high = np.inf, -np.inf
     for c in range(len(vertices)):
         for i in range(k):

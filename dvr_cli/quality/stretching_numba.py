@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dvr_cli.jit import PLANAR, compiled, compiled_by_kind, inlined, part
+from dvr_cli.jit import PLANAR, compiled, compiled_by_kind, empty, full, inlined, part, zeros
 from dvr_cli.quality.stretching import LIKELY, SEED, largest_log_aspect
 
 _LEVEL = np.log(LIKELY)
@@ -35,8 +35,8 @@ class _Arrays(NamedTuple):
 def averaged(values: np.ndarray, vertices: np.ndarray, start: np.ndarray, n_points: int) -> np.ndarray:
     """As ``stretching.averaged``."""
     n, width, parts = len(values), vertices.shape[1], values.shape[1]
-    count = np.zeros(n_points)
-    total = np.zeros((n_points, parts))
+    count = zeros(n_points, np.float64)
+    total = zeros((n_points, parts), np.float64)
     for k in range(width):
         for cell in range(n):
             for c in range(start[cell], start[cell + 1]):
@@ -44,7 +44,7 @@ def averaged(values: np.ndarray, vertices: np.ndarray, start: np.ndarray, n_poin
                 for i in range(parts):
                     total[vertices[c, k], i] += values[cell, i]
     _divide(total, count)
-    result = np.zeros((n, parts))
+    result = zeros((n, parts), np.float64)
     for k in range(width):
         for cell in range(n):
             for c in range(start[cell], start[cell + 1]):
@@ -91,9 +91,9 @@ def stretched_vertices(
 ) -> np.ndarray:
     """As ``stretching.stretched_vertices``, of these only those that averages of L to a few digits leave."""
     n, n_points = len(start) - 1, len(points)
-    count, by_quality = np.zeros(n_points), np.zeros(n_points)
+    count, by_quality = zeros(n_points, np.float64), zeros(n_points, np.float64)
     _sum_allowed(vertices, start, quality, positive, count, by_quality)
-    rings = np.full(n_points, _FAR, dtype=np.int8)
+    rings = full(n_points, _FAR, np.int8)
     for vertex in range(n_points):
         if asked[vertex] and by_quality[vertex] >= _LEVEL * count[vertex] and count[vertex] > 0.0:
             rings[vertex] = 0
@@ -112,11 +112,11 @@ def _likely(
     """
     vertices, start = mesh.vertices, mesh.start
     n, n_points = len(start) - 1, len(points)
-    rings = np.full(n_points, _FAR, dtype=np.int8)
+    rings = full(n_points, _FAR, np.int8)
     for cell in range(n):
         if result[cell]:
             _put(vertices, start, cell, rings, 0)
-    least = np.full(n, _FAR, dtype=np.int8)
+    least = full(n, _FAR, np.int8)
     every = np.arange(n)
     for ring in range(3):
         _spread(vertices, start, every, rings, least, ring)
@@ -133,16 +133,16 @@ def _likely(
             result[cell] = result[cell] and least[cell] <= 2
             found = found or result[cell]
     if not found:
-        return np.zeros(n, dtype=np.bool_)
+        return zeros(n, np.bool_)
     for ring in range(3, 6):
         _spread(vertices, start, near, rings, least, ring)
     parts = 3 if PLANAR else 6
-    total = np.zeros((n_points, parts))
+    total = zeros((n_points, parts), np.float64)
     _sum_stretching(mesh, near, rings, total)
     _divide(total, count)
     for away in (4, 3):
         total = _averaged_within(total, count, vertices, start, near, least, away)
-    here = np.empty(parts)
+    here = empty(parts, np.float64)
     for cell in range(n):
         if result[cell]:
             _mean_of_cell(total, vertices, start, cell, here)
@@ -168,7 +168,7 @@ def _allowed_by_quality(
     """
     n, n_points = len(start) - 1, len(points)
     width = 3 if PLANAR else 4
-    result = np.zeros(n, dtype=np.bool_)
+    result = zeros(n, np.bool_)
     _sum_allowed(vertices, start, quality, positive, count, first)
     total = first
     for average in range(3):
@@ -178,7 +178,7 @@ def _allowed_by_quality(
             largest = max(largest, total[vertex])
         if largest < _ALLOWED:
             return result
-        following = np.zeros(n_points)
+        following = zeros(n_points, np.float64)
         for cell in range(n):
             value = 0.0
             for c in range(start[cell], start[cell + 1]):
@@ -228,7 +228,7 @@ def _narrow(mesh: _Arrays, cells: np.ndarray, rings: np.ndarray, count: np.ndarr
     cells: all those of the vertices where it is not _FAR. count: (N,) the number of corners of each.
     """
     n_points = len(rings)
-    bounds = np.zeros((n_points, 4 if PLANAR else 13))
+    bounds = zeros((n_points, 4 if PLANAR else 13), np.float64)
     _sum_bounds(mesh, cells, rings, bounds)
     found = False
     for vertex in range(n_points):
@@ -238,7 +238,7 @@ def _narrow(mesh: _Arrays, cells: np.ndarray, rings: np.ndarray, count: np.ndarr
     if not found:
         return False
     found = False
-    total = np.zeros((n_points, 3 if PLANAR else 6))
+    total = zeros((n_points, 3 if PLANAR else 6), np.float64)
     _sum_stretching(mesh, cells, rings, total)
     for vertex in range(n_points):
         if rings[vertex] == 0 and _log_aspect(total[vertex]) < _LEVEL * count[vertex]:
@@ -272,7 +272,7 @@ def _sum_bounds(mesh: _Arrays, cells: np.ndarray, rings: np.ndarray, total: np.n
     """
     points, vertices, shapes, start, root, quality, positive = mesh
     width, parts = 3 if PLANAR else 4, 4 if PLANAR else 13
-    here = np.empty(parts)
+    here = empty(parts, np.float64)
     for cell in cells:
         if not _has(vertices, start, rings, cell, _FAR - 1):
             continue
@@ -333,7 +333,7 @@ def _sum_stretching(mesh: _Arrays, cells: np.ndarray, rings: np.ndarray, total: 
     """Sum L over the corners of ``cells`` at each vertex that is not _FAR in ``rings`` (N,)."""
     points, vertices, shapes, start, root, _, positive = mesh
     width, parts = 3 if PLANAR else 4, 3 if PLANAR else 6
-    here = np.empty(parts)
+    here = empty(parts, np.float64)
     for cell in cells:
         if not positive[cell] or not _has(vertices, start, rings, cell, _FAR - 1):
             continue
@@ -409,8 +409,8 @@ def _averaged_within(
     """Values of vertices (N, k) averaged to cells and back, over those of ``cells`` with ``least`` (n,) no
     more than ``away``.
     """
-    result = np.zeros_like(total)
-    here = np.empty(total.shape[1])
+    result = zeros(total.shape, np.float64)
+    here = empty(total.shape[1], np.float64)
     for cell in cells:
         if least[cell] <= away:
             _mean_of_cell(total, vertices, start, cell, here)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import MEASURED, PLANAR, compiled_by_kind, inlined
+from dvr_cli.jit import MEASURED, PLANAR, compiled_by_kind, empty, inlined
 from dvr_cli.quality.altitudes_numba import plane_facets, space_facets
 from dvr_cli.quality.badness_numba import badness
 from dvr_cli.quality.mean_ratio_numba import corner_terms_2d, corner_terms_3d, metric_norm
@@ -32,8 +32,8 @@ def hold_altitudes(
 ) -> int:
     """See ``altitudes.hold_altitudes``."""
     d = points.shape[1]
-    origin, reached = np.empty(d), np.empty(d)
-    corner = np.empty(d + 1, dtype=np.int64)
+    origin, reached = empty(d, np.float64), empty(d, np.float64)
+    corner = empty(d + 1, np.int32)
     undone = 0
     for ring in range(start, stop):
         vertex = rings.vertices[ring]

@@ -31,8 +31,9 @@ from dvr_cli.relax.columns_numba import (
 )
 from dvr_cli.relax.line_numba import worst_corner
 from dvr_cli.relax.newton import FALL
-from dvr_cli.relax.polish import SQUARINGS, Aim
+from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.polish_numba import (
+    EXPONENT,
     bottom,
     clip,
     keeps,
@@ -211,7 +212,7 @@ def _set_terms_2d(x0: float, x1: float, n: int, aim: Aim, scratch: np.ndarray) -
         inverse = s * u
         steep = rise(inverse, aim)
         part = (scratch[WEIGHT, k] + steep) * u
-        more = 2.0**SQUARINGS * steep / inverse * u * u
+        more = EXPONENT * steep / inverse * u * u
         a0, a1 = scratch[NORMAL, k] * over, scratch[NORMAL + 1, k] * over
         f0, f1 = q * s * a0 - 2.0 * p0, q * s * a1 - 2.0 * p1
         bend = q * (q + 1.0) * s
@@ -248,7 +249,7 @@ def _set_terms_3d(x: tuple[float, float, float], n: int, aim: Aim, scratch: np.n
         inverse = s * u
         steep = rise(inverse, aim)
         part = (scratch[WEIGHT, k] + steep) * u
-        more = 2.0**SQUARINGS * steep / inverse * u * u
+        more = EXPONENT * steep / inverse * u * u
         a0, a1, a2 = scratch[NORMAL, k] * over, scratch[NORMAL + 1, k] * over, scratch[NORMAL + 2, k] * over
         f0, f1, f2 = q * s * a0 - 2.0 * p0, q * s * a1 - 2.0 * p1, q * s * a2 - 2.0 * p2
         bend = q * (q + 1.0) * s

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import inlined
+from dvr_cli.jit import bits_of, inlined
 from dvr_cli.relax.columns_numba import (
     BADNESS,
     POWER,
@@ -20,6 +20,8 @@ from dvr_cli.relax.columns_numba import (
 from dvr_cli.relax.line_numba import keeps_within, root, s_at, v_at, worst_corner
 from dvr_cli.relax.polish import CLOSE, CUBE_ROOT, INSIDE, MAX_CLIPS, MAX_STEPS, SQUARINGS, SUM_GAIN, Aim
 
+EXPONENT = 2.0**SQUARINGS  # of ``rise``; in a kernel the compiler would make a loop of it
+
 
 @inlined
 def keeps(before: float, after: float, largest: float, limit: float, d: int) -> bool:
@@ -33,7 +35,7 @@ def set_powers(lines: np.ndarray, n: int, d: int, at: float) -> None:
         for c in range(n):
             lines[POWER, c] = 1.0 / v_at(lines, c, at)
         return
-    bits = lines.view(np.int64)
+    bits = bits_of(lines)
     for c in range(n):
         lines[POWER, c] = v_at(lines, c, at)
     for c in range(n):
@@ -73,7 +75,7 @@ def price_of_powers(lines: np.ndarray, n: int, aim: Aim) -> float:
     """The price at λ = 0, with the weights and the powers there in their rows."""
     for c in range(padded(n)):
         x = lines[S0, c] * lines[POWER, c]
-        lines[TERM, c] = lines[WEIGHT, c] * x + rise(x, aim) * x / (2.0**SQUARINGS + 1.0)
+        lines[TERM, c] = lines[WEIGHT, c] * x + rise(x, aim) * x / (EXPONENT + 1.0)
     total = 0.0
     for c in range(n):
         total = total + lines[TERM, c]
@@ -128,7 +130,7 @@ def _derivatives(lines: np.ndarray, n: int, d: int, at: float, aim: Aim) -> tupl
         x = s * u
         share, steep = lines[WEIGHT, c], rise(x, aim)
         slope = slope + (share + steep) * first
-        curvature = curvature + ((share + steep) * second + 2.0**SQUARINGS * steep / x * first * first)
+        curvature = curvature + ((share + steep) * second + EXPONENT * steep / x * first * first)
     return slope, curvature
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, empty, full, zeros
 
 
 @compiled
@@ -13,8 +13,8 @@ def touched_corners(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """As ``problem.touched_corners``."""
     n, width = vertices.shape
-    smallest = np.full(n, -1, dtype=np.int32)
-    place = np.zeros(len(number) + 1, dtype=np.int64)
+    smallest = full(n, -1, np.int32)
+    place = zeros(len(number) + 1, np.int64)
     for c in range(n):
         least, touched = number[vertices[c, 0]], False
         for k in range(width):
@@ -25,9 +25,9 @@ def touched_corners(
             place[least + 1] += 1
     for i in range(len(number)):
         place[i + 1] += place[i]
-    new_vertices = np.empty((place[-1], width), dtype=np.int32)
-    new_shapes = np.empty((place[-1], width), dtype=np.int32)
-    numbers = np.empty(place[-1], dtype=np.int64)
+    new_vertices = empty((place[-1], width), np.int32)
+    new_shapes = empty((place[-1], width), np.int32)
+    numbers = empty(place[-1], np.int64)
     for c in range(n):
         if smallest[c] >= 0:
             to = place[smallest[c]]

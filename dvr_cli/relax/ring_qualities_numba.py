@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled
+from dvr_cli.jit import compiled, empty, zeros
 
 
 @compiled
 def corners_of_rings(rings: np.ndarray, start: np.ndarray, corner: np.ndarray, n: int) -> np.ndarray:
     """As ``ring_qualities.corners_of_rings``, in another order."""
-    seen = np.zeros(n, dtype=np.bool_)
-    found = np.empty(n, dtype=np.int64)
+    seen = zeros(n, np.bool_)
+    found = empty(n, np.int64)
     count = 0
     for ring in rings:
         for entry in range(start[ring], start[ring + 1]):
@@ -33,7 +33,7 @@ def renew(
     members: np.ndarray,
 ) -> None:
     """As ``ring_qualities.renew``."""
-    before = np.empty(len(changed))
+    before = empty(len(changed), np.float64)
     for i in range(len(changed)):
         before[i] = qualities[changed[i]]
         qualities[changed[i]] = new[i]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, part
+from dvr_cli.jit import compiled, empty, full, part, zeros
 
 _WAITED_FOR = np.uint64(1 << 63)
 
@@ -12,7 +12,7 @@ _WAITED_FOR = np.uint64(1 << 63)
 @compiled
 def levels(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence: np.ndarray) -> np.ndarray:
     """As ``schedule.levels``."""
-    level = np.full(len(sequence), -1)
+    level = full(len(sequence), -1, np.int64)
     for vertex in sequence:
         highest = -1
         for entry in range(start[vertex], start[vertex + 1]):
@@ -27,8 +27,8 @@ def levels(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence:
 def colours(start: np.ndarray, corner: np.ndarray, members: np.ndarray, sequence: np.ndarray) -> np.ndarray:
     """As ``schedule.colours``."""
     m = len(sequence)
-    colour = np.full(m, -1, dtype=np.int32)
-    bit = np.zeros(m + 1, dtype=np.uint64)  # of the colours below 64; the number -1 looks up the last entry
+    colour = full(m, -1, np.int32)
+    bit = zeros(m + 1, np.uint64)  # of the colours below 64; the number -1 looks up the last entry
     for vertex in sequence:
         taken = np.uint64(0)
         for entry in range(start[vertex], start[vertex + 1]):
@@ -56,7 +56,7 @@ def colour_ready(
     colour: np.ndarray,
 ) -> None:
     """As ``schedule.colour_ready``."""
-    bit = np.empty(len(colour), dtype=np.uint64)  # of the colours below 63; the last: there is none yet
+    bit = empty(len(colour), np.uint64)  # of the colours below 63; the last: there is none yet
     for vertex in range(len(colour)):
         bit[vertex] = _bit_of(colour[vertex]) if colour[vertex] >= 0 else _WAITED_FOR
     for position in sequence:
@@ -98,7 +98,7 @@ def _first_free_before(
     entries: from where to where the entries are of whose corners they are.
     """
     start, stop = entries
-    taken = np.zeros((stop - start) * vertices.shape[1] + 1, dtype=np.bool_)
+    taken = zeros((stop - start) * vertices.shape[1] + 1, np.bool_)
     for entry in range(start, stop):
         for other in vertices[corner[entry]]:
             if turn[other] < turn[vertex] and colour[other] < len(taken):
@@ -112,7 +112,7 @@ def _first_free_before(
 @part
 def _first_free(start: int, stop: int, corner: np.ndarray, members: np.ndarray, colour: np.ndarray) -> int:
     """The first colour that none of the vertices of the corners of these entries has."""
-    taken = np.zeros((stop - start) * members.shape[1] + 1, dtype=np.bool_)
+    taken = zeros((stop - start) * members.shape[1] + 1, np.bool_)
     for entry in range(start, stop):
         for neighbour in members[corner[entry]]:
             if neighbour >= 0 and 0 <= colour[neighbour] < len(taken):

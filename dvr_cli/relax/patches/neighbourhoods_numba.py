@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit import compiled, empty, full, inlined, zeros
 
 
 @compiled
@@ -17,12 +17,12 @@ def choose(
     incident: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """As ``neighbourhoods.choose``."""
-    claimed = np.zeros(len(relaxed), dtype=np.bool_)
-    seen_vertex = np.full(len(start), -1, dtype=np.int32)  # the seed, by position, that last found it
-    seen_corner = np.full(len(relaxed), -1, dtype=np.int32)
-    freed, corners = np.empty(len(start), dtype=np.int64), np.empty(len(relaxed), dtype=np.int64)
-    freed_start, corner_start = np.zeros(most + 1, dtype=np.int64), np.zeros(most + 1, dtype=np.int64)
-    taken = np.empty(most, dtype=np.int64)
+    claimed = zeros(len(relaxed), np.bool_)
+    seen_vertex = full(len(start), -1, np.int32)  # the seed, by position, that last found it
+    seen_corner = full(len(relaxed), -1, np.int32)
+    freed, corners = empty(len(start), np.int64), empty(len(relaxed), np.int64)
+    freed_start, corner_start = zeros(most + 1, np.int64), zeros(most + 1, np.int64)
+    taken = empty(most, np.int64)
     n = 0
     for number, seed in enumerate(seeds):
         if n == most:

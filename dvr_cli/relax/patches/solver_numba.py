@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import MEASURED, ON_SURFACE, PLANAR, compiled_by_kind, inlined, part
+from dvr_cli.jit import MEASURED, ON_SURFACE, PLANAR, compiled_by_kind, empty, inlined, part
 from dvr_cli.mesh.simplex_numba import determinant_2d, determinant_3d
 from dvr_cli.quality.altitudes_numba import extremes
 from dvr_cli.quality.badness_numba import badness
@@ -28,18 +28,21 @@ from dvr_cli.relax.patches.solver import (
     Patch,
 )
 
+_REAL = np.float64
+
 
 @compiled_by_kind
 def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
     """As ``solver.solve_patch``."""
     d = points.shape[1]
     moving = patch.moving
-    bad, start, moved = np.empty(len(patch.vertices)), np.empty(len(moving) * d), np.empty(len(moving) * d)
+    bad, n = empty(len(patch.vertices), _REAL), len(moving) * d
+    start, moved = empty(n, _REAL), empty(n, _REAL)
     _take(points, moving, start)
     before = _find(points, patch, start, bad, moved)
     if before == np.inf:
         return before, before
-    reached, up = np.empty(len(start)), np.empty((0, d))
+    reached, up = empty(len(start), _REAL), empty((0, d), _REAL)
     for _ in range(SHORTER):
         for i in range(len(start)):
             reached[i] = start[i] + moved[i]
@@ -59,7 +62,8 @@ def solve_patch(points: np.ndarray, patch: Patch) -> tuple[float, float]:
 def find_moves(points: np.ndarray, patch: Patch) -> np.ndarray:
     """As ``solver.find_moves``."""
     d, moving = points.shape[1], patch.moving
-    bad, start, moved = np.empty(len(patch.vertices)), np.empty(len(moving) * d), np.empty(len(moving) * d)
+    bad, n = empty(len(patch.vertices), _REAL), len(moving) * d
+    start, moved = empty(n, _REAL), empty(n, _REAL)
     _take(points, moving, start)
     _find(points, patch, start, bad, moved)
     _put(points, moving, start)
@@ -69,16 +73,16 @@ def find_moves(points: np.ndarray, patch: Patch) -> np.ndarray:
 @part
 def _find(points: np.ndarray, patch: Patch, start: np.ndarray, bad: np.ndarray, moved: np.ndarray) -> float:
     """As ``solver._found``, the moves being put into ``moved``; start: where the vertices are."""
-    d, up = points.shape[1], np.empty((0, points.shape[1]))
+    d, up = points.shape[1], empty((0, points.shape[1]), _REAL)
     if ON_SURFACE:
-        up = np.empty((len(bad), 3))
+        up = empty((len(bad), 3), _REAL)
         _look_up(points, patch, up)
     before = _badnesses(points, patch, up, bad)
     for i in range(len(moved)):
         moved[i] = 0.0
     if before == np.inf:
         return before
-    size, own, seen = _size(points, patch), np.empty(0, dtype=np.int64), np.empty((0, d))
+    size, own, seen = _size(points, patch), empty(0, np.int64), empty((0, d), _REAL)
     if MEASURED:
         own = _own_measure(patch)
         seen = _seen_axes(patch, own)
@@ -131,9 +135,10 @@ def _minimise(
     moving = patch.moving
     n = len(moving) * d
     rows = MEMORY + 1  # one more for a pair that is not kept
-    steps, changes, curvature = np.empty((rows, n)), np.empty((rows, n)), np.empty(rows)
-    factor, power = np.empty(rows), np.empty(len(bad))
-    x, reached, direction, g, new = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    steps, changes = empty((rows, n), _REAL), empty((rows, n), _REAL)
+    curvature, factor, power = empty(rows, _REAL), empty(rows, _REAL), empty(len(bad), _REAL)
+    x, reached, direction = empty(n, _REAL), empty(n, _REAL), empty(n, _REAL)
+    g, new = empty(n, _REAL), empty(n, _REAL)
     kept = 0
     _take(points, moving, x)
     if ON_SURFACE:
@@ -143,7 +148,7 @@ def _minimise(
     _gradient(points, patch, up, power, f, total, g)
     if MEASURED:
         _measure(g, patch, own, seen)
-    way = np.empty(n) if MEASURED else direction
+    way = empty(n, _REAL) if MEASURED else direction
     for _ in range(ITERATIONS):
         descent(g, steps, changes, curvature, factor, kept, d, direction)
         slope = dot(g, direction, d)
@@ -258,7 +263,7 @@ def _keep_within(u: np.ndarray, on_line: bool, axis: np.ndarray) -> None:
 @part
 def _own_measure(patch: Patch) -> np.ndarray:
     """See ``PatchEnergy``: (n,) rows of the shape table."""
-    own = np.empty(len(patch.moving), dtype=np.int64)
+    own = empty(len(patch.moving), np.int64)
     for i in range(len(own)):
         own[i] = -1
     for c in range(len(patch.vertices)):
@@ -273,7 +278,7 @@ def _own_measure(patch: Patch) -> np.ndarray:
 def _seen_axes(patch: Patch, own: np.ndarray) -> np.ndarray:
     """See ``measured.seen_axis``: (n, d)."""
     d = patch.axis.shape[1]
-    seen = np.empty((len(own), d))
+    seen = empty((len(own), d), _REAL)
     for i in range(len(own)):
         vertex, u = patch.moving[i], seen[i]
         for j in range(d):
@@ -333,7 +338,7 @@ def _unmeasure(way: np.ndarray, patch: Patch, own: np.ndarray) -> None:
 def _size(points: np.ndarray, patch: Patch) -> float:
     """The mean edge length, see ``PatchEnergy``."""
     vertices, d = patch.vertices, points.shape[1]
-    edge = np.empty(d)
+    edge = empty(d, _REAL)
     total = 0.0
     for c in range(len(vertices)):
         for j in range(d):
@@ -445,9 +450,9 @@ def _gradient(
         g[i] = 0.0
     d = points.shape[1]
     edges = 2 if PLANAR or ON_SURFACE else 3
-    e = np.empty((edges, d))
-    along = np.empty((edges, d))
-    normal = np.empty((edges, d))
+    e = empty((edges, d), _REAL)
+    along = empty((edges, d), _REAL)
+    normal = empty((edges, d), _REAL)
     for c in range(len(vertices)):
         weight = power[c] / total
         if weight < NEGLIGIBLE:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import ON_SURFACE, PLANAR, bare, inlined
+from dvr_cli.jit import ON_SURFACE, PLANAR, bare, inlined, zeros
 from dvr_cli.relax.columns_numba import (
     BADNESS,
     END,
@@ -43,7 +43,7 @@ def dimension_of(rings: RingArrays) -> int:
 
 @inlined
 def new_scratch(largest_ring: int) -> np.ndarray:
-    scratch = np.zeros((ROWS, largest_ring + WIDTH))
+    scratch = zeros((ROWS, largest_ring + WIDTH), np.float64)
     scratch[SHAPE] = -1.0
     return scratch
 
