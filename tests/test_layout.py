@@ -182,16 +182,27 @@ def test_importing_the_package_costs_nothing(statement):
     assert not {"numpy", "meshio", "rich", "trimesh", "typer", "numba", "dvr_cli.api"} & set(modules)
 
 
-def test_a_run_loads_no_reader_of_other_formats(tmp_path):
+HEADER = "# vtk DataFile Version 4.2\none\nASCII\nDATASET UNSTRUCTURED_GRID\n"
+TRIANGLE = {
+    "vtk": HEADER + "POINTS 3 double\n0 0 0 1 0 0 0 1 0\nCELLS 1 4\n3 0 1 2\nCELL_TYPES 1\n5\n",
+    "inp": "*NODE\n1, 0, 0\n2, 1, 0\n3, 0, 1\n*ELEMENT, TYPE=CPS3, ELSET=all\n1, 1, 2, 3\n",
+}
+
+
+@pytest.mark.parametrize(("ending", "package"), [("vtk", "vtk"), ("inp", "abaqus")])
+def test_a_run_loads_no_reader_of_other_formats(tmp_path, ending, package):
     """Of those that have a package of their own: each costs every short run some milliseconds."""
-    header = "# vtk DataFile Version 4.2\none\nASCII\nDATASET UNSTRUCTURED_GRID\n"
-    mesh = "POINTS 3 double\n0 0 0 1 0 0 0 1 0\nCELLS 1 4\n3 0 1 2\nCELL_TYPES 1\n5\n"
-    (tmp_path / "in.vtk").write_text(header + mesh)
-    command = ["smooth", str(tmp_path / "in.vtk"), str(tmp_path / "out.vtk"), "-q"]
+    source, output = tmp_path / f"in.{ending}", tmp_path / f"out.{ending}"
+    source.write_text(TRIANGLE[ending])
+    command = ["smooth", str(source), str(output), "-q"]
     modules = loaded_by(f"from dvr_cli.cli.main import main; assert main({command!r}) == 0")
     packages = {f"dvr_cli.files.{path.parent.name}" for path in (ROOT / "files").glob("*/__init__.py")}
-    assert packages & set(modules) == {"dvr_cli.files.vtk"}
+    assert packages & set(modules) == {f"dvr_cli.files.{package}"}
+    assert MASKED not in modules
 
+
+# NumPy loads it for np.unique and masked arrays, in a thirtieth of a short run.
+MASKED = "numpy.ma"
 
 # What a run without curved cells, walks, untangling, patches and named sets has no use for.
 UNUSED = {
@@ -216,17 +227,14 @@ UNUSED = {
     "dvr_cli.report.compare",
     "dvr_cli.report.text",
 }
-# NumPy loads it for np.unique and masked arrays, in a thirtieth of a short run.
-MASKED = "numpy.ma"
 
 
 def test_a_run_loads_nothing_that_it_does_not_use(tmp_path):
     """Each module costs every short run up to a millisecond."""
     assert NAMES.keys() >= UNUSED
-    header = "# vtk DataFile Version 4.2\none\nASCII\nDATASET UNSTRUCTURED_GRID\n"
     points = "POINTS 5 double\n0 0 0 1 0 0 1 1 0 0 1 0 .8 .9 0\n"
     cells = "CELLS 4 16\n3 0 1 4\n3 1 2 4\n3 2 3 4\n3 3 0 4\nCELL_TYPES 4\n5 5 5 5\n"
-    (tmp_path / "in.vtk").write_text(header + points + cells)
+    (tmp_path / "in.vtk").write_text(HEADER + points + cells)
     options = ["-q", "-d", "random", "--no-patches", "--engine", "numpy"]
     command = ["smooth", str(tmp_path / "in.vtk"), str(tmp_path / "out.vtk"), *options]
     before, after = (

@@ -14,7 +14,7 @@ import numpy as np
 from dvr_cli.errors import UsageError
 from dvr_cli.mesh.hashing import mixed
 from dvr_cli.mesh.mesh import Mesh
-from dvr_cli.mesh.ranks import ranks
+from dvr_cli.mesh.ranks import distinct, ranks
 from dvr_cli.mesh.regions import is_no_region, region_names
 
 NONE = "none"
@@ -68,9 +68,7 @@ def regions_of(
     number = np.zeros(len(region), dtype=np.uint64)  # random numbers of a cell's sets, by exclusive or
     first = dict(zip(blocks, np.cumsum([0, *(sizes[b] for b in blocks)]).tolist(), strict=False))
     for i, (name, parts) in enumerate(sets, start=1):
-        members = np.unique(np.concatenate([np.asarray(parts[b]) + first[b] for b in blocks])).astype(
-            np.int64
-        )
+        members = distinct(np.concatenate([np.asarray(parts[b]) + first[b] for b in blocks])).astype(np.int64)
         if 0 < len(members) < len(region):
             number[members] ^= mixed(np.array([i], dtype=np.uint64))
             dividers.append(Divider(name, "set", len(members)))

@@ -12,9 +12,10 @@ from dvr_cli.files.abaqus.cards import Card, Deck
 from dvr_cli.files.abaqus.fields import Fields
 from dvr_cli.files.abaqus.nodes import NodeRows, read_nodes
 from dvr_cli.files.abaqus.types import NODE_ORDER, ElementType, element_type, variable_type
-from dvr_cli.files.gmsh.tags import TagIndex, first_repeated
 from dvr_cli.files.numbers_in_text import shown
+from dvr_cli.files.tags import TagIndex, first_repeated
 from dvr_cli.mesh.mesh import Cells
+from dvr_cli.mesh.ranks import distinct
 
 # Keywords whose nodes or elements are nowhere in the deck as such.
 _CLOSED = ("PART", "INSTANCE", "ASSEMBLY")  # what ends with a keyword of its own
@@ -297,7 +298,7 @@ class Model:
         begins = fields.first[new]
         sizes = np.diff(begins, append=len(tokens))
         elements = []
-        for size in np.unique(sizes).tolist():
+        for size in distinct(sizes).tolist():
             table = tokens[begins[sizes == size][:, None] + np.arange(size)]
             known = variable_type(name, size - 1)
             if known is not None:

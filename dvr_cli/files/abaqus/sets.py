@@ -12,6 +12,7 @@ from dvr_cli.files.abaqus.fields import Fields
 from dvr_cli.files.abaqus.model import Model, Scope
 from dvr_cli.files.abaqus.types import FACES
 from dvr_cli.mesh.cell_types import CELL_TYPES
+from dvr_cli.mesh.ranks import distinct
 
 _FACE = re.compile(r"([SPE])(\d)")
 _NONE = np.empty(0, dtype=np.int64)
@@ -62,7 +63,7 @@ class Sets:
 
     def surface(self, name: str, scope: Scope) -> np.ndarray:
         """The corners of a surface of faces; none for an unknown one."""
-        corners = np.unique(self._members(name, scope, self._facets))
+        corners = distinct(self._members(name, scope, self._facets).ravel())
         return corners[corners >= 0]
 
     def vertices_of(self, cells: np.ndarray) -> np.ndarray:
@@ -72,7 +73,7 @@ class Sets:
             inside = (cells >= first) & (cells < first + len(block.vertices))
             parts.append(block.vertices[cells[inside] - first].ravel())
             first += len(block.vertices)
-        return np.unique(np.concatenate(parts))
+        return distinct(np.concatenate(parts))
 
     def _take_set(self, number: int, card: Card, scope: Scope) -> None:
         if card.keyword == "NODE" and card.options.get("NSET"):
@@ -103,7 +104,7 @@ class Sets:
         """Give a set more members; numbers that the deck gives to nothing do not count."""
         key = (id(scope), name.upper())
         members = np.concatenate([sets.get(key, _NONE), *parts])
-        sets[key] = np.unique(members[members >= 0])
+        sets[key] = distinct(members[members >= 0])
         self._names.setdefault(key, name)
         self._scopes[id(scope)] = scope
 
@@ -210,5 +211,5 @@ def _generated(fields: Fields, tokens: np.ndarray, numbers: np.ndarray) -> np.nd
 
 def _ranks(values: np.ndarray) -> np.ndarray:
     """Numbers from 1 in the order of ``values``, 0 for 0."""
-    known = np.unique(values[values > 0])
+    known = distinct(values[values > 0])
     return np.where(values > 0, np.searchsorted(known, values) + 1, 0)

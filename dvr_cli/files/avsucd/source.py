@@ -18,10 +18,10 @@ import re
 import numpy as np
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.gmsh.tags import TagIndex, first_repeated
 from dvr_cli.files.losses import number_not_kept
 from dvr_cli.files.numbers_in_text import shown
 from dvr_cli.files.patched_text import PatchedText, TextLines
+from dvr_cli.files.tags import TagIndex, first_repeated
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 

@@ -16,7 +16,7 @@ from dvr_cli.files.gmsh.cells import NODE_ORDER, cell_type
 from dvr_cli.files.gmsh.data import View
 from dvr_cli.files.gmsh.elements import Elements, join_consecutive, merge_repeated
 from dvr_cli.files.gmsh.nodes import Nodes
-from dvr_cli.files.gmsh.tags import TagIndex
+from dvr_cli.files.tags import TagIndex
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.ranks import ranks
 

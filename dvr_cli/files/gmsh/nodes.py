@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.gmsh.tags import first_repeated
+from dvr_cli.files.tags import first_repeated
 from dvr_cli.mesh.mesh import Entity
 
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.gmsh.tags import TagIndex
 from dvr_cli.files.nastran.cards import Deck, Fields
 from dvr_cli.files.node_orders import UPRIGHT_BEFORE_UPPER
+from dvr_cli.files.tags import TagIndex
 from dvr_cli.mesh.mesh import Cells
 
 

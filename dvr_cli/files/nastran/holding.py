@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.files.gmsh.tags import TagIndex
 from dvr_cli.files.held import at_corners, within
 from dvr_cli.files.nastran.cards import Deck, Fields
 from dvr_cli.files.nastran.elements import by_length
+from dvr_cli.files.tags import TagIndex
 from dvr_cli.mesh.mesh import Cells
 
 _SCALAR = (slice(2, 3), slice(4, 5))

@@ -10,7 +10,6 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 
 from dvr_cli.errors import InputError, OutputError
-from dvr_cli.files.gmsh.tags import TagIndex, first_repeated
 from dvr_cli.files.nastran.assembly import Assembly, statements
 from dvr_cli.files.nastran.cards import LARGE, SMALL, Deck, Fields
 from dvr_cli.files.nastran.columns import field_text, value_of
@@ -19,6 +18,7 @@ from dvr_cli.files.nastran.elements import check_supported, read_elements
 from dvr_cli.files.nastran.holding import held_vertices
 from dvr_cli.files.numbers_in_text import write_texts
 from dvr_cli.files.source import InputFile, Source, differing
+from dvr_cli.files.tags import TagIndex, first_repeated
 from dvr_cli.mesh.mesh import Cells, Mesh
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"

@@ -9,10 +9,10 @@ from typing import BinaryIO
 import numpy as np
 
 from dvr_cli.errors import InputError
-from dvr_cli.files.gmsh.tags import TagIndex, first_repeated
 from dvr_cli.files.losses import number_not_kept
 from dvr_cli.files.numbers_in_text import fitted, write_texts
 from dvr_cli.files.source import Source, differing
+from dvr_cli.files.tags import TagIndex, first_repeated
 from dvr_cli.files.unv.contents import (
     GROUPS,
     NODES,

@@ -1,4 +1,4 @@
-"""From the tags a Gmsh file gives its nodes and elements to positions."""
+"""From the tags that files give their nodes and elements to positions."""
 
 from __future__ import annotations
 
