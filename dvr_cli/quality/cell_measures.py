@@ -14,7 +14,7 @@ from dvr_cli.mesh.domain import Domain, domain_of
 from dvr_cli.mesh.mesh import Mesh
 from dvr_cli.mesh.simplex import chunks
 from dvr_cli.quality.face_measures import Faces, face_skewness, faces_of, non_orthogonality
-from dvr_cli.quality.measure import HISTOGRAM_BINS, Element, Quality, cell_field, element_of
+from dvr_cli.quality.measure import HISTOGRAM_BINS, Element, Quality, cell_field, element_of, quantiles
 from dvr_cli.quality.verdict import (
     Vertices,
     aspect_ratio,
@@ -24,7 +24,6 @@ from dvr_cli.quality.verdict import (
     smallest_angle,
 )
 
-QUANTILES = (0.01, 0.1, 0.5)  # counted from the worst cell
 _UNBOUNDED = 1e30  # Verdict's value for a ratio that has no bound
 
 
@@ -91,12 +90,12 @@ class Summary:
 
 def summary(measure: CellMeasure, values: np.ndarray) -> Summary:
     """The summary of the values (n,) of a measure."""
-    shares = QUANTILES if measure.high_is_good else tuple(1.0 - share for share in QUANTILES)
+    ascending = np.sort(values)
     return Summary(
         measure,
         worst=float(values.min() if measure.high_is_good else values.max()),
         mean=float(values.mean()),
-        quantiles=dict(zip(QUANTILES, np.quantile(values, shares).tolist(), strict=True)),
+        quantiles=quantiles(ascending if measure.high_is_good else ascending[::-1]),
     )
 
 
