@@ -12,6 +12,9 @@ and what comes too far from the input, or turns a facet of the boundary over, go
 A point of an edge or triangle moves no farther than the farthest of its vertices does, so bounds on the
 distance grow by that at most, as in ``overlay``, until they have to be found anew.
 
+In the plane the edges of curves must not be turned round likewise. On the hollow side of one all triangles
+may be positive and go round a vertex twice, with an edge reversed.
+
 These are kernels, for one patch; ``joint_numba`` has them compiled. A patch writes what belongs to its own
 vertices, edges and triangles, and reads nothing that another patch of the round writes.
 """
@@ -22,10 +25,10 @@ from math import sqrt
 
 import numpy as np
 
-from dvr_cli.relax.surface.carriers import SURFACE, Ground, Standing
+from dvr_cli.relax.surface.carriers import CURVE, SURFACE, Ground, Standing
 from dvr_cli.relax.surface.overlay import edge_distance, place_distance
 from dvr_cli.relax.surface.ring import BADNESS, bare, dimension_of, improves, new_scratch, worst_of
-from dvr_cli.relax.surface.strides import CROSSINGS, along_carrier, cross, go, go_out, put, way_out
+from dvr_cli.relax.surface.strides import CROSSINGS, along_carrier, cross, go, go_out, put, tangent, way_out
 from dvr_cli.relax.surface.walk import Walk, keeps_altitude, lay_out, side
 
 _TRIES = 6  # moves tried, each half as long as the one before
@@ -216,26 +219,60 @@ def _facet_upright(walk: Walk, triangle: int) -> bool:
     return stand > 0 or bool(side(points, x0, x1, x2, b, c, triangle, ground.normals) > 0.0)
 
 
+def _edge_upright(walk: Walk, edge: int) -> bool:
+    """True if an edge of a curve in the plane runs as the segments do that its ends stand on.
+
+    If neither stands on one it has to run as in the input.
+    """
+    points, ground, standing = walk.points, walk.ground, walk.standing
+    segment = -1 - walk.stars.of[edge]
+    a, b = ground.segments[segment, 0], ground.segments[segment, 1]
+    e0, e1 = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+    stand = 0
+    for k in range(2):
+        member = ground.segments[segment, k]
+        if standing.kind[member] == CURVE:
+            stand += 1
+            t0, t1, _ = tangent(standing.at[member], ground)
+            if not t0 * e0 + t1 * e1 > 0.0:
+                return False
+    t0, t1, _ = tangent(segment, ground)
+    return stand > 0 or bool(t0 * e0 + t1 * e1 > 0.0)
+
+
 def _turned_over(walk: Walk, chosen: np.ndarray) -> np.ndarray:
-    """(T,) bool, the facets around vertices of a volume's boundary that are turned over where they are."""
+    """The facets around vertices of a volume's boundary that are turned over where they are, (T,) bool.
+
+    In the plane these are edges, (E,) bool.
+    """
     vertices, stars = walk.rings.vertices, walk.stars
-    down = np.zeros(len(walk.ground.triangles), np.bool_)
+    in_plane = walk.points.shape[1] == 2
+    down = np.zeros(len(stars.of) if in_plane else len(walk.ground.triangles), np.bool_)
     if len(walk.corners.number):
         return down
     for i in range(len(chosen)):
         vertex = vertices[chosen[i]]
+        if in_plane:
+            for entry in range(stars.edge_start[vertex], stars.edge_start[vertex + 1]):
+                down[stars.edge[entry]] = not _edge_upright(walk, stars.edge[entry])
+            continue
         for entry in range(stars.triangle_start[vertex], stars.triangle_start[vertex + 1]):
             down[stars.triangle[entry]] = not _facet_upright(walk, stars.triangle[entry])
     return down
 
 
 def _keeps_sides(walk: Walk, chosen: np.ndarray, slot: np.ndarray, down: np.ndarray) -> bool:
-    """True if no facet of a volume's boundary is turned over but those that were, ``down`` ((T,) bool)."""
+    """True if no facet or edge is turned over but those that were, ``down``, see ``_turned_over``."""
     vertices, ground, stars = walk.rings.vertices, walk.ground, walk.stars
     if len(walk.corners.number):
         return True
     for i in range(len(chosen)):
         vertex = vertices[chosen[i]]
+        if walk.points.shape[1] == 2:
+            for entry in range(stars.edge_start[vertex], stars.edge_start[vertex + 1]):
+                if not (down[stars.edge[entry]] or _edge_upright(walk, stars.edge[entry])):
+                    return False
+            continue
         for entry in range(stars.triangle_start[vertex], stars.triangle_start[vertex + 1]):
             triangle = stars.triangle[entry]
             first = _has_first(triangle, vertex, slot, ground)
@@ -256,11 +293,11 @@ def _faultless(
 ) -> bool:
     """True if vertices that have moved keep to all rules; ``fault`` becomes whether each does not.
 
-    down: (T,) facets that were turned over before. again: (n,) the vertices that have to be looked at.
-    Leaves what was found as ``_look`` does.
+    down: facets that were turned over before, see ``_turned_over``. again: (n,) the vertices that have to be
+    looked at. Leaves what was found as ``_look`` does.
     """
     vertices, ground, stars = walk.rings.vertices, walk.ground, walk.stars
-    good = True
+    good, in_plane = True, walk.points.shape[1] == 2
     for i in range(len(chosen)):
         fault[i] = False
     for i in range(len(chosen)):
@@ -269,7 +306,9 @@ def _faultless(
         vertex = vertices[chosen[i]]
         if walk.standing.at[vertex] >= 0:
             for entry in range(stars.edge_start[vertex], stars.edge_start[vertex + 1]):
-                if not _edge_keeps(walk, entry, vertex, far, slot, limit):
+                edge = stars.edge[entry]
+                keeps = not in_plane or down[edge] or _edge_upright(walk, edge)
+                if not (_edge_keeps(walk, entry, vertex, far, slot, limit) and keeps):
                     good, fault[i] = False, True
         for entry in range(stars.triangle_start[vertex], stars.triangle_start[vertex + 1]):
             triangle = stars.triangle[entry]

@@ -131,6 +131,55 @@ def test_vertices_walk_on_curves_of_the_plane():
     assert report.after.inverted == 0
 
 
+def turned_ring(seed: int, wall: int, twist: float, n: int = 16) -> tuple[np.ndarray, np.ndarray]:
+    """Points and triangles between two circles, the inner (0) or outer wall of which is turned in a part."""
+    rng = np.random.default_rng(seed)
+    turn = twist * np.exp(-(((np.arange(n) - n / 2) / 3) ** 2)) + 0.2 * rng.uniform(-1, 1, n)
+    turn = np.maximum.accumulate(np.arange(n) + turn) + 0.01 * np.arange(n)  # each after the one before
+    angle = 2 * np.pi / (1.01 * n) * np.stack([1.01 * np.arange(n)] * 3)
+    angle[2 * wall] = 2 * np.pi / (1.01 * n) * turn
+    middle = 1.0 + 0.05 * rng.uniform(-1, 1, n)
+    at = np.array([np.full(n, 0.8), middle, np.full(n, 1.2)])[:, :, None] * np.stack(
+        [np.cos(angle), np.sin(angle)], axis=2
+    )
+    i, j = np.arange(n), (np.arange(n) + 1) % n
+    quads = np.concatenate([np.column_stack([i, n + i, n + j, j]) + k * n for k in (0, 1)])
+    return at.reshape(-1, 2), np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
+def reversed_edges(points: np.ndarray) -> int:
+    """How many edges of the walls of such a ring run back, by the angles of their ends from the middle."""
+    found = 0
+    for wall in points.reshape(3, -1, 2)[[0, 2]]:
+        angle = np.arctan2(wall[:, 1], wall[:, 0])
+        found += int((np.sin(np.diff(angle, append=angle[0])) <= 0).sum())
+    return found
+
+
+@pytest.mark.parametrize(
+    ("seed", "wall", "twist", "engine"),
+    [
+        (6, 0, 7.0, "numpy"),  # all became positive here, one edge of the hollow wall being reversed
+        pytest.param(1, 1, 5.0, "numpy", marks=pytest.mark.long),
+        *(
+            pytest.param(seed, seed % 2, 7.0 - seed / 4, "numba", marks=pytest.mark.long)
+            for seed in range(16)
+        ),
+    ],
+)
+def test_no_edge_of_a_boundary_in_the_plane_is_reversed(seed, wall, twist, engine):
+    """Positive triangles do not see to that: on the hollow side of a curve they may go round twice."""
+    require(engine)
+    points, triangles = turned_ring(seed, wall, twist)
+    how = HOW | {"feature_angle": 80.0, "max_deviation": 0.3, "engine": engine}
+    moved, report = dvr_cli.smooth(points, [("triangle", triangles)], **how)
+    e, f = (moved[triangles[:, k]] - moved[triangles[:, 0]] for k in (1, 2))
+    left = int((e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0] <= 0).sum())
+    assert report.before.inverted > left
+    assert report.after.inverted + report.after.degenerate == left
+    assert reversed_edges(points) == reversed_edges(moved) == 0
+
+
 @pytest.mark.long
 def test_engines_and_threads_agree_to_the_bit():
     require("numba")
