@@ -52,5 +52,6 @@ class Numbering:
         """The index of numbers of which this rank knows the range, -1 of those that are not there."""
         assert self._known is not None
         numbers, index = self._known
-        at = np.searchsorted(numbers, wanted)
+        # links may name larger numbers than the type of those of vertices holds
+        at = np.searchsorted(numbers, wanted).clip(max=len(numbers) - 1)
         return np.where(numbers[at] == wanted, index[at], index.dtype.type(-1))

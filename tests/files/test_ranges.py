@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from pathlib import Path
 
 import meshio
@@ -17,7 +18,18 @@ from dvr_cli.files.reading import open_mesh
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from fuzz import COUNTS, mutated
 from meshes import delaunay
-from ranged_files import DATA, FILES, METRIC, MIXED, NUMBERED, PARAMETRIC, PLANAR, gmsh_41, write_ranged
+from ranged_files import (
+    DATA,
+    FILES,
+    METRIC,
+    MIXED,
+    NUMBERED,
+    PARAMETRIC,
+    PLANAR,
+    gmsh_22,
+    gmsh_41,
+    write_ranged,
+)
 from threads import on_threads
 
 GMSH = [name for name in FILES if name.endswith("msh")]
@@ -176,6 +188,29 @@ def test_files_with_more_than_that_are_read_by_one_process(tmp_path):
     ):
         other.write_bytes(b"")
         assert ranges_of(other) is None
+
+
+@pytest.mark.parametrize("count", [10**17, 10**18 - 1])
+def test_counts_beyond_all_files_are_left_to_one_process(tmp_path, count):
+    """Offsets of what they declare to be there are too large for any search."""
+    path, good = tmp_path / "mesh.msh", gmsh_22(delaunay(30, 3, 2))
+    nodes = re.sub(rb"(?<=\$Nodes\n)\d+", b"%d" % count, good)
+    view = b"$NodeData\n0\n0\n3\n0\n%d\n%d\n$EndNodeData\n" % (count, count)
+    for data in nodes, good + view:
+        path.write_bytes(data)
+        assert ranges_of(path) is None
+
+
+def test_links_may_name_nodes_with_larger_tags_than_nodes_can_have(tmp_path):
+    """They are text where the tags of nodes have 32 bits."""
+    mesh, path = delaunay(30, 3, 2), tmp_path / "mesh.msh"
+    tags = np.arange(len(mesh.points))[::-1] * 3 + 1
+    links = b"$Periodic\n1\n2 2 1\n2\n1 3000000000\n4 7\n$EndPeriodic\n"
+    path.write_bytes(gmsh_22(mesh, tags=tags, more=links))
+    ranges = ranges_of(path)
+    found = on_threads(2, lambda comm: with_indices(comm, ranges, read_share(comm, path, ranges)))
+    last = len(tags) - 1
+    assert [linked.tolist() for _, linked in found] == 2 * [[last - 2, last - 1]]
 
 
 def test_rows_beyond_the_end_are_not_there(tmp_path):

@@ -74,7 +74,7 @@ def ranges_of(path: Path) -> Ranges | None:
         data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)  # views of it may outlive an error
     try:
         return _found(cast(bytes, data))
-    except (InputError, _Other):  # whoever reads the file whole will say why
+    except (InputError, OverflowError, _Other):  # whoever reads the file whole will say why
         return None
 
 
