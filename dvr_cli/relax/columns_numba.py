@@ -16,14 +16,15 @@ from dvr_cli.relax.problem import RingArrays
 # vertices (three rows each, also in 2D), the normal of the facet they span, the corner's line, its badness;
 # then the row of the shape table that stands in the column, and its numbers; last some gradients, gathered in
 # the first columns, their products with a vector and their weights, and v^(-2/d); L of the shape table's
-# row, where it has one; the terms of some sums. Loops over such rows without branches are what the compiler
-# turns into vector instructions.
+# row, where it has one; the terms of some sums; -1 for a corner of a surface that is turned over, else 1.
+# Loops over such rows without branches are what the compiler turns into vector instructions.
 END, NORMAL, V0, V1, S0, S1, S2, BADNESS = 0, 9, 12, 13, 14, 15, 16, 17
 SHAPE, NORM, SLOPE, CURVATURE = 18, 19, 25, 28
 GRADIENT, ALONG, WEIGHT, POWER = 29, 32, 33, 34
 FACTOR = 35
 TERM = 41
-ROWS = 50
+SIGN = 50
+ROWS = 51
 WIDTH = 8  # loops run over whole groups of columns; those beyond the ring hold leftovers nobody looks at
 
 
@@ -39,7 +40,7 @@ def set_ring(
     scratch: np.ndarray,
 ) -> int:
     """Lay out a ring and its lines along the direction (d0, d1, d2); returns how many corners it has."""
-    n = _set_shapes(ring, rings, scratch)
+    n = set_shapes(ring, rings, scratch)
     if PLANAR:
         _set_lines_2d(points, vertex, d0, d1, ring, rings, scratch)
     else:
@@ -54,7 +55,7 @@ def set_ring_in_place(
     points: np.ndarray, vertex: int, ring: int, rings: RingArrays, scratch: np.ndarray
 ) -> int:
     """Lay out a ring without lines, which ``set_place`` is enough for; returns how many corners it has."""
-    n = _set_shapes(ring, rings, scratch)
+    n = set_shapes(ring, rings, scratch)
     if PLANAR:
         _set_ends_2d(points, ring, rings, scratch)
         for c in range(padded(n)):
@@ -74,7 +75,7 @@ def set_ring_in_place(
 
 
 @inlined
-def _set_shapes(ring: int, rings: RingArrays, scratch: np.ndarray) -> int:
+def set_shapes(ring: int, rings: RingArrays, scratch: np.ndarray) -> int:
     """Put the shapes of a ring into their columns; returns how many corners it has."""
     lo = rings.start[ring]
     n = rings.start[ring + 1] - lo

@@ -143,7 +143,7 @@ def _largest(walk: Walk, chosen: np.ndarray, altitude: float, scratch: np.ndarra
     """The largest badness in these rings, infinite where an altitude is below the one given."""
     points, d, largest = walk.points, dimension_of(walk.rings), 0.0
     for i in range(len(chosen)):
-        n = lay_out(walk, chosen[i], _STILL, True, scratch)
+        n = lay_out(walk, chosen[i], _STILL, scratch)
         largest = max(largest, scratch[BADNESS, worst_of(scratch, n, d)])
         vertex = walk.rings.vertices[chosen[i]]
         if altitude > 0.0 and not keeps_altitude(points, vertex, n, d, altitude, scratch):
@@ -167,11 +167,11 @@ def _go_part(walk: Walk, vertex: int, moves: np.ndarray, i: int, part: float) ->
     if d0 == 0.0 and d1 == 0.0 and d2 == 0.0:
         return
     for _ in range(CROSSINGS):
-        way, out = way_out(vertex, d0, d1, d2, came, ground, standing)
+        way, out, rates = way_out(vertex, d0, d1, d2, came, ground, standing)
         if rest <= way:
-            go(points, vertex, (d0, d1, d2), rest, ground, standing)
+            go(points, vertex, (d0, d1, d2), rates, rest, ground, standing)
             return
-        go_out(points, vertex, (d0, d1, d2), way, out, ground, standing)
+        go_out(points, vertex, rates, way, out, ground, standing)
         rest -= way
         d0, d1, d2, came = cross(vertex, d0, d1, d2, out, ground, standing)
         if came < 0:

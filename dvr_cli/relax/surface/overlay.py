@@ -197,15 +197,20 @@ def distance_to(points: np.ndarray, place: int, triangle: int, ground: Ground) -
     f0, f1, f2 = c0 - a0, c1 - a1, c2 - a2
     n0, n1, n2 = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
     square = n0 * n0 + n1 * n1 + n2 * n2
-    # the sides as seen from the foot in the triangle's plane
+    # the sides as seen from the foot in the triangle's plane; the nearest place is on one it lies beyond
     ab = n0 * (a1 * b2 - a2 * b1) + n1 * (a2 * b0 - a0 * b2) + n2 * (a0 * b1 - a1 * b0)
     bc = n0 * (b1 * c2 - b2 * c1) + n1 * (b2 * c0 - b0 * c2) + n2 * (b0 * c1 - b1 * c0)
     ca = n0 * (c1 * a2 - c2 * a1) + n1 * (c2 * a0 - c0 * a2) + n2 * (c0 * a1 - c1 * a0)
     if square > 0.0 and ab >= 0.0 and bc >= 0.0 and ca >= 0.0:
         return weight * (abs(a0 * n0 + a1 * n1 + a2 * n2) / sqrt(square) + off)
-    least = _to_segment(a0, a1, a2, b0, b1, b2)
-    least = min(least, _to_segment(b0, b1, b2, c0, c1, c2))
-    return weight * (sqrt(min(least, _to_segment(c0, c1, c2, a0, a1, a2))) + off)
+    least = np.inf
+    if not (square > 0.0 and ab >= 0.0):
+        least = _to_segment(a0, a1, a2, b0, b1, b2)
+    if not (square > 0.0 and bc >= 0.0):
+        least = min(least, _to_segment(b0, b1, b2, c0, c1, c2))
+    if not (square > 0.0 and ca >= 0.0):
+        least = min(least, _to_segment(c0, c1, c2, a0, a1, a2))
+    return weight * (sqrt(least) + off)
 
 
 def _to_segment(a0: float, a1: float, a2: float, b0: float, b1: float, b2: float) -> float:

@@ -24,7 +24,7 @@ from dvr_cli.relax.steepest import _shortest_in_hull, gradient
 
 # Rows of the scratch array, a column for each corner of a ring, as in ``columns_numba``.
 END, NORMAL, V0, V1, S0, S1, S2, BADNESS = 0, 9, 12, 13, 14, 15, 16, 17
-GRADIENT, WEIGHT, ROWS = 18, 21, 22
+GRADIENT, WEIGHT, NORM, SLOPE, CURVATURE, SIGN, ROWS = 18, 21, 22, 25, 27, 28, 29
 
 
 _Arrays = TypeVar("_Arrays")
@@ -83,6 +83,32 @@ def set_lines(
     for row, term in zip((V0, V1, S0, S1), lines.terms, strict=True):
         scratch[row, :n] = term[:, 0]
     scratch[S2, :n] = lines.s2[:, 0]
+    return n
+
+
+def set_place(points: np.ndarray, vertex: int, ring: int, rings: RingArrays, scratch: np.ndarray) -> None:
+    """Put v0 and s0 of the vertex where it is now in the place of those of a ring that is laid out.
+
+    The others have not moved, and what the lines are counts no more.
+    """
+    set_lines(points, vertex, 0.0, 0.0, 0.0, ring, rings, scratch)
+
+
+def set_shapes(ring: int, rings: RingArrays, scratch: np.ndarray) -> int:
+    """Put the shapes of a ring of a surface into their columns; returns how many corners it has."""
+    lo = rings.start[ring]
+    n = rings.start[ring + 1] - lo
+    for c in range(n):
+        k = rings.shapes[lo + c]
+        for i in range(3):
+            scratch[NORM + i, c] = rings.norm[k, i]
+        scratch[SLOPE, c], scratch[SLOPE + 1, c] = rings.slope[k, 0], rings.slope[k, 1]
+        scratch[CURVATURE, c] = rings.curvature[k]
+    return n
+
+
+def padded(n: int) -> int:
+    """The columns that loops go over; compiled these are whole groups."""
     return n
 
 

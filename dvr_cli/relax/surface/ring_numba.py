@@ -7,8 +7,10 @@ import numpy as np
 from dvr_cli.jit import ON_SURFACE, PLANAR, bare, inlined, zeros
 from dvr_cli.relax.columns_numba import (
     BADNESS,
+    CURVATURE,
     END,
     GRADIENT,
+    NORM,
     NORMAL,
     POWER,
     ROWS,
@@ -16,20 +18,25 @@ from dvr_cli.relax.columns_numba import (
     S1,
     S2,
     SHAPE,
+    SIGN,
+    SLOPE,
     V0,
     V1,
     WIDTH,
     RingArrays,
+    padded,
     set_ring,
+    set_shapes,
 )
+from dvr_cli.relax.columns_numba import set_place as _set_place
 from dvr_cli.relax.line_numba import improves, maximise_minimum, worst_corner
 from dvr_cli.relax.polish import Aim
 from dvr_cli.relax.polish_numba import bottom, clip, keeps, price, rise, set_powers, set_weights, weight
 from dvr_cli.relax.steepest_numba import _shortest_in_hull, gradient
 
 # what kernels of walks take over: rows of the scratch array, and functions of other kernels
-ROWS_USED = BADNESS, END, GRADIENT, NORMAL, S0, S1, S2, V0, V1
-TAKEN = improves, keeps, bare
+ROWS_USED = BADNESS, CURVATURE, END, GRADIENT, NORM, NORMAL, S0, S1, S2, SIGN, SLOPE, V0, V1
+TAKEN = improves, keeps, bare, padded, set_shapes
 set_lines = set_ring
 best_step = maximise_minimum
 price_of = price
@@ -46,6 +53,11 @@ def new_scratch(largest_ring: int) -> np.ndarray:
     scratch = zeros((ROWS, largest_ring + WIDTH), np.float64)
     scratch[SHAPE] = -1.0
     return scratch
+
+
+@inlined
+def set_place(points: np.ndarray, vertex: int, ring: int, rings: RingArrays, scratch: np.ndarray) -> None:
+    _set_place(points, vertex, rings.start[ring + 1] - rings.start[ring], scratch)
 
 
 @inlined

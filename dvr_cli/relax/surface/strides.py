@@ -18,6 +18,7 @@ CROSSINGS = 64  # edges and vertices passed on a walk; about 1 is usual
 _ACROSS = 1e-9  # length below which what a unit vector has in a plane or along a line is rounding
 
 Vector = tuple[float, float, float]
+Rates = tuple[float, float]  # at which u and w of a facet grow along a direction; on a segment 0
 
 
 def along_carrier(
@@ -59,7 +60,7 @@ def _span(segment: int, ground: Ground) -> tuple[float, float, float, float]:
     return e0, e1, e2, sqrt(e0 * e0 + e1 * e1 + e2 * e2)
 
 
-def _rates(at: int, d0: float, d1: float, d2: float, ground: Ground) -> tuple[float, float]:
+def _rates(at: int, d0: float, d1: float, d2: float, ground: Ground) -> Rates:
     """The rates at which the coordinates u and w of a facet grow along a direction in its plane."""
     places, i = ground.places, ground.triangles[at, 0]
     j, k = ground.triangles[at, 1], ground.triangles[at, 2]
@@ -73,17 +74,18 @@ def _rates(at: int, d0: float, d1: float, d2: float, ground: Ground) -> tuple[fl
 
 def way_out(
     vertex: int, d0: float, d1: float, d2: float, came: int, ground: Ground, standing: Standing
-) -> tuple[float, int]:
+) -> tuple[float, int, Rates]:
     """The distance along a direction to the end of the facet or segment, and the edge or end it leads to.
 
-    An edge has the number of the vertex opposite. came: that over which the vertex came, or -1.
+    An edge has the number of the vertex opposite. came: that over which the vertex came, or -1. Returned with
+    these are the rates along the direction.
     """
     at, u = standing.at[vertex], standing.u[vertex]
     if standing.kind[vertex] == CURVE:
         e0, e1, e2, length = _span(at, ground)
         if d0 * e0 + d1 * e1 + d2 * e2 >= 0.0:
-            return (1.0 - u) * length, 1
-        return u * length, 0
+            return (1.0 - u) * length, 1, (0.0, 0.0)
+        return u * length, 0, (0.0, 0.0)
     w = standing.w[vertex]
     du, dw = _rates(at, d0, d1, d2, ground)
     least, out = np.inf, -1
@@ -97,11 +99,17 @@ def way_out(
             way = max(b, 0.0) / -rate
             if way < least:
                 least, out = way, k
-    return least, out
+    return least, out, (du, dw)
 
 
 def go(
-    points: np.ndarray, vertex: int, direction: Vector, step: float, ground: Ground, standing: Standing
+    points: np.ndarray,
+    vertex: int,
+    direction: Vector,
+    rates: Rates,
+    step: float,
+    ground: Ground,
+    standing: Standing,
 ) -> None:
     """Move a vertex by ``step`` within its facet or segment."""
     d0, d1, d2 = direction
@@ -113,7 +121,7 @@ def go(
             part = -part
         _stand(points, vertex, at, min(max(u + part, 0.0), 1.0), 0.0, ground, standing)
         return
-    du, dw = _rates(at, d0, d1, d2, ground)
+    du, dw = rates
     u, w = max(u + step * du, 0.0), max(standing.w[vertex] + step * dw, 0.0)
     if u + w > 1.0:
         w = max(1.0 - u, 0.0)
@@ -124,7 +132,7 @@ def go(
 def go_out(
     points: np.ndarray,
     vertex: int,
-    direction: Vector,
+    rates: Rates,
     way: float,
     out: int,
     ground: Ground,
@@ -135,8 +143,7 @@ def go_out(
     if standing.kind[vertex] == CURVE:
         _stand(points, vertex, at, 1.0 if out == 1 else 0.0, 0.0, ground, standing)
         return
-    d0, d1, d2 = direction
-    du, dw = _rates(at, d0, d1, d2, ground)
+    du, dw = rates
     u, w = min(max(u + way * du, 0.0), 1.0), min(max(w + way * dw, 0.0), 1.0)
     if out == 0:
         w = 1.0 - u

@@ -30,12 +30,16 @@ from dvr_cli.relax.surface.carriers import CURVE, SURFACE, Ground, RingCorners, 
 from dvr_cli.relax.surface.overlay import look, take_over
 from dvr_cli.relax.surface.ring import (
     BADNESS,
+    CURVATURE,
     END,
     GRADIENT,
+    NORM,
     NORMAL,
     S0,
     S1,
     S2,
+    SIGN,
+    SLOPE,
     V0,
     V1,
     bare,
@@ -46,9 +50,12 @@ from dvr_cli.relax.surface.ring import (
     keeps,
     lowest_step,
     new_scratch,
+    padded,
     price_of,
     set_gradient,
     set_lines,
+    set_place,
+    set_shapes,
     set_shares,
     worst_of,
 )
@@ -66,6 +73,7 @@ from dvr_cli.relax.surface.strides import (
 
 _TRIES = 4  # walks tried, each at most half as long as the one before
 _STILL = (0.0, 0.0, 0.0)  # the direction of a vertex that is not to move
+_PRODUCT = END + 6  # where others have a third end: the vector product of a triangle's edges at the vertex
 
 
 class Walk(NamedTuple):
@@ -142,7 +150,7 @@ def walk_directions(
             directions[ring, i] = 0.0
         if standing.at[vertex] < 0 or not active[ring]:
             continue
-        n = lay_out(walk, ring, _STILL, True, scratch)
+        n = lay_out(walk, ring, _STILL, scratch)
         worst = worst_of(scratch, n, d)
         largest = scratch[BADNESS, worst]
         if band < 0.0:
@@ -263,7 +271,7 @@ def _walk_one(walk: Walk, directions: np.ndarray, ring: int, purpose: Purpose, s
             put(points, vertex, x0, x1, x2)
             standing.at[vertex], standing.u[vertex], standing.w[vertex] = at, u, w
             return False
-        n = lay_out(walk, ring, _STILL, False, scratch)
+        n = _lay_out_place(walk, ring, scratch)
         largest = scratch[BADNESS, worst_of(scratch, n, d)]
         if purpose.polishing:
             better = keeps(before, price_of(scratch, n, d, purpose.aim), largest, floor, d)
@@ -334,7 +342,7 @@ def _first_step(
     if d0 == 0.0 and d1 == 0.0 and d2 == 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     floor = purpose.floor
-    n = lay_out(walk, ring, (d0, d1, d2), True, scratch)
+    n = lay_out(walk, ring, (d0, d1, d2), scratch)
     if purpose.polishing:
         step, before, floor = lowest_step(scratch, n, d, floor, purpose.aim, True)
     else:
@@ -363,11 +371,11 @@ def _walk(
     d0, d1, d2 = direction
     walked, came = 0.0, -1
     for crossing in range(CROSSINGS):
-        way, out = way_out(vertex, d0, d1, d2, came, ground, standing)
+        way, out, rates = way_out(vertex, d0, d1, d2, came, ground, standing)
         if crossing > 0:
             step = np.inf
             if way > 0.0:
-                n = lay_out(walk, ring, (d0, d1, d2), True, scratch)
+                n = _lay_out_lines(walk, ring, (d0, d1, d2), scratch)
                 if purpose.polishing:
                     step, _, _ = lowest_step(scratch, n, d, floor, purpose.aim, False)
                 else:
@@ -377,10 +385,10 @@ def _walk(
         rest = longest - walked
         step = min(step, rest)
         if step <= way:
-            go(points, vertex, (d0, d1, d2), step, ground, standing)
+            go(points, vertex, (d0, d1, d2), rates, step, ground, standing)
             walked += step
             break
-        go_out(points, vertex, (d0, d1, d2), way, out, ground, standing)
+        go_out(points, vertex, rates, way, out, ground, standing)
         walked += way
         d0, d1, d2, came = cross(vertex, d0, d1, d2, out, ground, standing)
         if came < 0:
@@ -388,52 +396,74 @@ def _walk(
     return walked
 
 
-def lay_out(walk: Walk, ring: int, direction: Vector, signed: bool, scratch: np.ndarray) -> int:
-    """Lay out a ring and its lines; signed: whether corners of a surface that turned over are negative."""
+def lay_out(walk: Walk, ring: int, direction: Vector, scratch: np.ndarray) -> int:
+    """Lay out a ring and its lines; corners of a surface that turned over in the input are negative there."""
+    rings = walk.rings
+    if walk.points.shape[1] != dimension_of(rings):
+        points, others, lo = walk.points, rings.others, rings.start[ring]
+        number, turned = walk.corners.number, walk.standing.turned
+        for c in range(set_shapes(ring, rings, scratch)):
+            p, q = others[lo + c, 0], others[lo + c, 1]
+            for i in range(3):
+                scratch[END + i, c], scratch[END + 3 + i, c] = points[p, i], points[q, i]
+            scratch[SIGN, c] = -1.0 if turned[number[lo + c]] else 1.0
+    return _lay_out_lines(walk, ring, direction, scratch)
+
+
+def _lay_out_lines(walk: Walk, ring: int, direction: Vector, scratch: np.ndarray) -> int:
+    """Lay out the lines of a ring that was laid out before, of which only its vertex has moved since."""
     points, rings, ground, standing = walk.points, walk.rings, walk.ground, walk.standing
     d0, d1, d2 = direction
     vertex = rings.vertices[ring]
     if points.shape[1] == dimension_of(rings):
         return set_lines(points, vertex, d0, d1, d2, ring, rings, scratch)
-    others, shapes, norm, slope = rings.others, rings.shapes, rings.norm, rings.slope
-    curvature, number, turned = rings.curvature, walk.corners.number, standing.turned
     h0 = h1 = h2 = 0.0  # the normal of a triangle of no area: that of the facet
     if standing.kind[vertex] == SURFACE:
         at = standing.at[vertex]
         h0, h1, h2 = ground.normals[at, 0], ground.normals[at, 1], ground.normals[at, 2]
-    lo = rings.start[ring]
-    n = rings.start[ring + 1] - lo
+    n = _lay_out_place(walk, ring, scratch)
     x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2]
     square = d0 * d0 + d1 * d1 + d2 * d2
-    for c in range(n):
-        p, q, k = others[lo + c, 0], others[lo + c, 1], shapes[lo + c]
-        p0, p1, p2 = points[p, 0], points[p, 1], points[p, 2]
-        q0, q1, q2 = points[q, 0], points[q, 1], points[q, 2]
-        e0, e1, e2 = p0 - x0, p1 - x1, p2 - x2
-        f0, f1, f2 = q0 - x0, q1 - x1, q2 - x2
-        a0, a1, a2 = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
-        size = sqrt(a0 * a0 + a1 * a1 + a2 * a2)
-        if size > 0.0:
-            a0, a1, a2 = a0 / size, a1 / size, a2 / size
-        else:
-            a0, a1, a2 = h0, h1, h2
-        if signed and turned[number[lo + c]]:
-            size, a0, a1, a2 = -size, -a0, -a1, -a2
-        g0, g1, g2 = q0 - p0, q1 - p1, q2 - p2
-        n0, n1, n2 = g1 * a2 - g2 * a1, g2 * a0 - g0 * a2, g0 * a1 - g1 * a0
-        s = norm[k, 0] * (e0 * e0 + e1 * e1 + e2 * e2)
-        s = s + norm[k, 1] * (f0 * f0 + f1 * f1 + f2 * f2)
-        s = s + norm[k, 2] * (e0 * f0 + e1 * f1 + e2 * f2)
-        along = slope[k, 0] * (d0 * e0 + d1 * e1 + d2 * e2)
-        along = along + slope[k, 1] * (d0 * f0 + d1 * f1 + d2 * f2)
-        scratch[END, c], scratch[END + 1, c], scratch[END + 2, c] = p0, p1, p2
-        scratch[END + 3, c], scratch[END + 4, c], scratch[END + 5, c] = q0, q1, q2
-        scratch[NORMAL, c], scratch[NORMAL + 1, c], scratch[NORMAL + 2, c] = n0, n1, n2
-        scratch[V0, c] = size
-        scratch[V1, c] = -(d0 * n0 + d1 * n1 + d2 * n2)
-        scratch[S0, c] = s
+    for c in range(padded(n)):
+        e0, e1, e2 = scratch[END, c] - x0, scratch[END + 1, c] - x1, scratch[END + 2, c] - x2
+        f0, f1, f2 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1, scratch[END + 5, c] - x2
+        along = scratch[SLOPE, c] * (d0 * e0 + d1 * e1 + d2 * e2)
+        along = along + scratch[SLOPE + 1, c] * (d0 * f0 + d1 * f1 + d2 * f2)
         scratch[S1, c] = -along
-        scratch[S2, c] = curvature[k] * square
+        scratch[S2, c] = scratch[CURVATURE, c] * square
+    for c in range(padded(n)):
+        size, sign = scratch[V0, c], scratch[SIGN, c]
+        a0, a1, a2 = scratch[_PRODUCT, c], scratch[_PRODUCT + 1, c], scratch[_PRODUCT + 2, c]
+        a0 = sign * (a0 / size if size > 0.0 else h0)
+        a1 = sign * (a1 / size if size > 0.0 else h1)
+        a2 = sign * (a2 / size if size > 0.0 else h2)
+        g0, g1 = scratch[END + 3, c] - scratch[END, c], scratch[END + 4, c] - scratch[END + 1, c]
+        g2 = scratch[END + 5, c] - scratch[END + 2, c]
+        n0, n1, n2 = g1 * a2 - g2 * a1, g2 * a0 - g0 * a2, g0 * a1 - g1 * a0
+        scratch[NORMAL, c], scratch[NORMAL + 1, c], scratch[NORMAL + 2, c] = n0, n1, n2
+        scratch[V0, c] = sign * size
+        scratch[V1, c] = -(d0 * n0 + d1 * n1 + d2 * n2)
+    return n
+
+
+def _lay_out_place(walk: Walk, ring: int, scratch: np.ndarray) -> int:
+    """As ``_lay_out_lines``, without lines, and positive however the corners of a surface lie."""
+    points, rings = walk.points, walk.rings
+    vertex, n = rings.vertices[ring], rings.start[ring + 1] - rings.start[ring]
+    if points.shape[1] == dimension_of(rings):
+        set_place(points, vertex, ring, rings, scratch)
+        return n
+    x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2]
+    for c in range(padded(n)):
+        e0, e1, e2 = scratch[END, c] - x0, scratch[END + 1, c] - x1, scratch[END + 2, c] - x2
+        f0, f1, f2 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1, scratch[END + 5, c] - x2
+        a0, a1, a2 = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
+        s = scratch[NORM, c] * (e0 * e0 + e1 * e1 + e2 * e2)
+        s = s + scratch[NORM + 1, c] * (f0 * f0 + f1 * f1 + f2 * f2)
+        s = s + scratch[NORM + 2, c] * (e0 * f0 + e1 * f1 + e2 * f2)
+        scratch[_PRODUCT, c], scratch[_PRODUCT + 1, c], scratch[_PRODUCT + 2, c] = a0, a1, a2
+        scratch[V0, c] = sqrt(a0 * a0 + a1 * a1 + a2 * a2)
+        scratch[S0, c] = s
     return n
 
 
