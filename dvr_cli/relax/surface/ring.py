@@ -98,12 +98,13 @@ def set_shapes(ring: int, rings: RingArrays, scratch: np.ndarray) -> int:
     """Put the shapes of a ring of a surface into their columns; returns how many corners it has."""
     lo = rings.start[ring]
     n = rings.start[ring + 1] - lo
+    columns = bare(scratch)
     for c in range(n):
         k = rings.shapes[lo + c]
         for i in range(3):
-            scratch[NORM + i, c] = rings.norm[k, i]
-        scratch[SLOPE, c], scratch[SLOPE + 1, c] = rings.slope[k, 0], rings.slope[k, 1]
-        scratch[CURVATURE, c] = rings.curvature[k]
+            columns[NORM + i, c] = rings.norm[k, i]
+        columns[SLOPE, c], columns[SLOPE + 1, c] = rings.slope[k, 0], rings.slope[k, 1]
+        columns[CURVATURE, c] = rings.curvature[k]
     return n
 
 

@@ -401,12 +401,13 @@ def lay_out(walk: Walk, ring: int, direction: Vector, scratch: np.ndarray) -> in
     rings = walk.rings
     if walk.points.shape[1] != dimension_of(rings):
         points, others, lo = walk.points, rings.others, rings.start[ring]
+        columns = bare(scratch)
         number, turned = walk.corners.number, walk.standing.turned
         for c in range(set_shapes(ring, rings, scratch)):
             p, q = others[lo + c, 0], others[lo + c, 1]
             for i in range(3):
-                scratch[END + i, c], scratch[END + 3 + i, c] = points[p, i], points[q, i]
-            scratch[SIGN, c] = -1.0 if turned[number[lo + c]] else 1.0
+                columns[END + i, c], columns[END + 3 + i, c] = points[p, i], points[q, i]
+            columns[SIGN, c] = -1.0 if turned[number[lo + c]] else 1.0
     return _lay_out_lines(walk, ring, direction, scratch)
 
 
@@ -421,28 +422,28 @@ def _lay_out_lines(walk: Walk, ring: int, direction: Vector, scratch: np.ndarray
     if standing.kind[vertex] == SURFACE:
         at = standing.at[vertex]
         h0, h1, h2 = ground.normals[at, 0], ground.normals[at, 1], ground.normals[at, 2]
-    n = _lay_out_place(walk, ring, scratch)
+    n, columns = _lay_out_place(walk, ring, scratch), bare(scratch)
     x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2]
     square = d0 * d0 + d1 * d1 + d2 * d2
     for c in range(padded(n)):
-        e0, e1, e2 = scratch[END, c] - x0, scratch[END + 1, c] - x1, scratch[END + 2, c] - x2
-        f0, f1, f2 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1, scratch[END + 5, c] - x2
-        along = scratch[SLOPE, c] * (d0 * e0 + d1 * e1 + d2 * e2)
-        along = along + scratch[SLOPE + 1, c] * (d0 * f0 + d1 * f1 + d2 * f2)
-        scratch[S1, c] = -along
-        scratch[S2, c] = scratch[CURVATURE, c] * square
+        e0, e1, e2 = columns[END, c] - x0, columns[END + 1, c] - x1, columns[END + 2, c] - x2
+        f0, f1, f2 = columns[END + 3, c] - x0, columns[END + 4, c] - x1, columns[END + 5, c] - x2
+        along = columns[SLOPE, c] * (d0 * e0 + d1 * e1 + d2 * e2)
+        along = along + columns[SLOPE + 1, c] * (d0 * f0 + d1 * f1 + d2 * f2)
+        columns[S1, c] = -along
+        columns[S2, c] = columns[CURVATURE, c] * square
     for c in range(padded(n)):
-        size, sign = scratch[V0, c], scratch[SIGN, c]
-        a0, a1, a2 = scratch[_PRODUCT, c], scratch[_PRODUCT + 1, c], scratch[_PRODUCT + 2, c]
+        size, sign = columns[V0, c], columns[SIGN, c]
+        a0, a1, a2 = columns[_PRODUCT, c], columns[_PRODUCT + 1, c], columns[_PRODUCT + 2, c]
         a0 = sign * (a0 / size if size > 0.0 else h0)
         a1 = sign * (a1 / size if size > 0.0 else h1)
         a2 = sign * (a2 / size if size > 0.0 else h2)
-        g0, g1 = scratch[END + 3, c] - scratch[END, c], scratch[END + 4, c] - scratch[END + 1, c]
-        g2 = scratch[END + 5, c] - scratch[END + 2, c]
+        g0, g1 = columns[END + 3, c] - columns[END, c], columns[END + 4, c] - columns[END + 1, c]
+        g2 = columns[END + 5, c] - columns[END + 2, c]
         n0, n1, n2 = g1 * a2 - g2 * a1, g2 * a0 - g0 * a2, g0 * a1 - g1 * a0
-        scratch[NORMAL, c], scratch[NORMAL + 1, c], scratch[NORMAL + 2, c] = n0, n1, n2
-        scratch[V0, c] = sign * size
-        scratch[V1, c] = -(d0 * n0 + d1 * n1 + d2 * n2)
+        columns[NORMAL, c], columns[NORMAL + 1, c], columns[NORMAL + 2, c] = n0, n1, n2
+        columns[V0, c] = sign * size
+        columns[V1, c] = -(d0 * n0 + d1 * n1 + d2 * n2)
     return n
 
 
@@ -453,17 +454,18 @@ def _lay_out_place(walk: Walk, ring: int, scratch: np.ndarray) -> int:
     if points.shape[1] == dimension_of(rings):
         set_place(points, vertex, ring, rings, scratch)
         return n
+    columns = bare(scratch)
     x0, x1, x2 = points[vertex, 0], points[vertex, 1], points[vertex, 2]
     for c in range(padded(n)):
-        e0, e1, e2 = scratch[END, c] - x0, scratch[END + 1, c] - x1, scratch[END + 2, c] - x2
-        f0, f1, f2 = scratch[END + 3, c] - x0, scratch[END + 4, c] - x1, scratch[END + 5, c] - x2
+        e0, e1, e2 = columns[END, c] - x0, columns[END + 1, c] - x1, columns[END + 2, c] - x2
+        f0, f1, f2 = columns[END + 3, c] - x0, columns[END + 4, c] - x1, columns[END + 5, c] - x2
         a0, a1, a2 = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
-        s = scratch[NORM, c] * (e0 * e0 + e1 * e1 + e2 * e2)
-        s = s + scratch[NORM + 1, c] * (f0 * f0 + f1 * f1 + f2 * f2)
-        s = s + scratch[NORM + 2, c] * (e0 * f0 + e1 * f1 + e2 * f2)
-        scratch[_PRODUCT, c], scratch[_PRODUCT + 1, c], scratch[_PRODUCT + 2, c] = a0, a1, a2
-        scratch[V0, c] = sqrt(a0 * a0 + a1 * a1 + a2 * a2)
-        scratch[S0, c] = s
+        s = columns[NORM, c] * (e0 * e0 + e1 * e1 + e2 * e2)
+        s = s + columns[NORM + 1, c] * (f0 * f0 + f1 * f1 + f2 * f2)
+        s = s + columns[NORM + 2, c] * (e0 * f0 + e1 * f1 + e2 * f2)
+        columns[_PRODUCT, c], columns[_PRODUCT + 1, c], columns[_PRODUCT + 2, c] = a0, a1, a2
+        columns[V0, c] = sqrt(a0 * a0 + a1 * a1 + a2 * a2)
+        columns[S0, c] = s
     return n
 
 
