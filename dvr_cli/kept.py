@@ -14,10 +14,10 @@ _PACKAGE = Path(__file__).parent
 @cache
 def last_change() -> float:
     """The time of the last change of a source: of the compiler's set-up, or any in the folders of kernels."""
-    folders = {path.relative_to(_PACKAGE).parts[0] for path in _PACKAGE.rglob("*_numba.py")}
+    folders = {path.relative_to(_PACKAGE).parts[0] for path in _PACKAGE.rglob("*_numba.py")} | {"jit"}
     sources = [path for folder in folders for path in (_PACKAGE / folder).rglob("*.py")]
     with suppress(OSError):  # there are none in an archive
-        return max(path.stat().st_mtime for path in [_PACKAGE / "jit.py", *sources])
+        return max(path.stat().st_mtime for path in sources)
     return 0.0
 
 

@@ -54,7 +54,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def _compiling_in_turn(worker_id: str) -> None:
     """One worker compiles a function, and the others wait for it and load it from numba's cache."""
     if worker_id != "master" and find_spec("numba") is not None:
-        from dvr_cli.jit import compile_in_turn
+        from dvr_cli.jit.turns import compile_in_turn
 
         compile_in_turn()
 

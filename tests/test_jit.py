@@ -15,12 +15,12 @@ from numba.core.caching import FunctionCache  # noqa: E402
 from numba.core.codegen import JITCodeLibrary  # noqa: E402
 from numba.core.types.functions import BaseFunction  # noqa: E402
 
-from dvr_cli import jit  # noqa: E402
+from dvr_cli.jit import compiling, kernels, kinds  # noqa: E402
 
 
 def compiled(function):
     """The function compiled as kernels are, and not kept on disk."""
-    return numba.njit(pipeline_class=jit._KernelCompiler)(function)
+    return numba.njit(pipeline_class=compiling.KernelCompiler)(function)
 
 
 def summed(values):
@@ -47,13 +47,13 @@ def test_operators_are_remembered_while_kernels_are_compiled_and_no_longer(monke
 
     monkeypatch.setattr(BaseFunction, "get_call_type", counted)
     values = np.random.default_rng(1).random((9, 2))
-    jit._SIGNATURES.clear()
+    compiling._SIGNATURES.clear()
     assert compiled(summed)(values) == summed(values)
     assert "get_call_type" not in vars(numba.types.Function)
-    operators = [(function, args) for function, args in asked if jit._is_known(function, args)]
-    assert len(operators) == len(set(operators)) == len(jit._SIGNATURES) > 5
+    operators = [(function, args) for function, args in asked if compiling._is_known(function, args)]
+    assert len(operators) == len(set(operators)) == len(compiling._SIGNATURES) > 5
     compiled(summed)(values)
-    assert len([one for one in asked if jit._is_known(*one)]) == len(operators)  # they were known
+    assert len([one for one in asked if compiling._is_known(*one)]) == len(operators)  # they were known
 
 
 def test_an_error_of_the_compiler_leaves_nothing_behind():
@@ -86,17 +86,17 @@ def test_kernels_from_disk_run_and_are_linked_into_others(tmp_path, monkeypatch)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     values = np.arange(3.0)
     for found in (0, 1):
-        kernel = jit.compiled(doubled)
+        kernel = kernels.compiled(doubled)
         assert kernel(values).tolist() == [0.0, 2.0, 4.0]
         assert hits(kernel) == found
     for found in (0, 1):
         names = {**globals(), "doubled": kernel}  # the one from disk
-        calling = jit.compiled(FunctionType(doubled_and_one.__code__, names, "doubled_and_one"))
+        calling = kernels.compiled(FunctionType(doubled_and_one.__code__, names, "doubled_and_one"))
         assert calling(values).tolist() == [1.0, 3.0, 5.0]
         assert hits(calling) == found
 
 
-@jit.part
+@kernels.part
 def tripled(values):
     """A part of a kernel."""
     return 3.0 * values
@@ -111,8 +111,8 @@ def test_numba_hears_of_parts_when_it_compiles_what_calls_them(tmp_path, monkeyp
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     values = np.arange(3.0)
     for found in (0, 1):
-        names = {**globals(), "tripled": jit.part(tripled.py_func)}
-        kernel = jit.compiled(FunctionType(tripled_and_one.__code__, names, "tripled_and_one"))
+        names = {**globals(), "tripled": kernels.part(tripled.py_func)}
+        kernel = kernels.compiled(FunctionType(tripled_and_one.__code__, names, "tripled_and_one"))
         assert kernel(values).tolist() == [1.0, 4.0, 7.0]
         assert hits(kernel) == found
         assert ("_dispatcher" in vars(names["tripled"])) == (not found)
@@ -130,7 +130,7 @@ def test_arguments_have_the_types_that_numba_finds():
     frozen.flags.writeable = False
     flat, table = np.ones(3, dtype=np.float32), np.ones((3, 4), dtype=bool)
     arrays = flat, table, table.T, table[:, 1:], np.ones((2, 0)), frozen, np.array(1.0)
-    found = jit.compiled(doubled).typeof_pyval
+    found = kernels.compiled(doubled).typeof_pyval
     for value in (*arrays, arrays, Pair(flat, (table.T, 1)), (flat, flat), 1, 2.0, True, np.int32(3)):
         assert found(value) == theirs(value)
 
@@ -174,10 +174,10 @@ def block(path):
 def test_a_damaged_file_is_compiled_anew_and_replaced(damage, ending, tmp_path, monkeypatch):
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     values = np.arange(3.0)
-    jit.compiled(increased)(values)
+    kernels.compiled(increased)(values)
     damage(kept(tmp_path, ending))
     for found in (0, 1):
-        kernel = jit.compiled(increased)
+        kernel = kernels.compiled(increased)
         assert kernel(values) == 3.0
         assert hits(kernel) == (0 if damage is block else found)
 
@@ -189,7 +189,7 @@ def test_what_cannot_be_written_is_compiled_all_the_same(tmp_path, monkeypatch):
         raise OSError(28, "no space left on device")
 
     monkeypatch.setattr(caching.IndexDataCacheFile, "_open_for_write", full)
-    kernel = jit.compiled(increased)
+    kernel = kernels.compiled(increased)
     assert kernel(np.arange(3.0)) == 3.0
     assert not list(tmp_path.rglob("*.nb*"))
 
@@ -197,7 +197,7 @@ def test_what_cannot_be_written_is_compiled_all_the_same(tmp_path, monkeypatch):
 def test_functions_of_others_are_compiled_and_kept_by_numba_alone(tmp_path, monkeypatch):
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     for _ in range(2):
-        jit.compiled(doubled)(np.arange(3.0))
+        kernels.compiled(doubled)(np.arange(3.0))
     for found in (0, 1):
         theirs = numba.njit(cache=True)(summed)
         assert type(theirs._cache) is FunctionCache
@@ -211,4 +211,4 @@ def test_kernels_written_once_take_imports_from_others_and_keep_what_is_their_ow
     """Two modules of kernels may have private constants by one name."""
     module = ModuleType("kernels")
     vars(module)[name] = 6
-    assert jit.compiled_over(module, (), {name: 4})[name] == (4 if of_the_other else 6)
+    assert kinds.compiled_over(module, (), {name: 4})[name] == (4 if of_the_other else 6)

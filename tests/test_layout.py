@@ -153,9 +153,13 @@ def test_only_compiled_modules_import_the_compiler_at_once():
         path
         for path in MODULES
         for one in imports(path, at_once)
-        if module_of(one) == "dvr_cli.jit" or module_of(one).endswith("_numba")
+        if layer_of(one) == "jit" or module_of(one).endswith("_numba")
     }
-    assert {path for path in compiling if not path.stem.endswith(("_numba", "numba_engine"))} == set()
+    assert {
+        path
+        for path in compiling
+        if not (path.parts[0] == "jit" or path.stem.endswith(("_numba", "numba_engine")))
+    } == set()
 
 
 def test_compiled_modules_import_from_folders_of_compiled_modules():
@@ -262,7 +266,7 @@ def test_a_report_loads_nothing_that_relaxes():
 def test_types_of_arguments_are_found_without_masked_arrays():
     require("numba")
     found = "compiled(lambda x: x).typeof_pyval((np.ones(3), (1, np.ones((2, 2), bool).T)))"
-    modules = loaded_by(f"import numpy as np; from dvr_cli.jit import compiled; {found}")
+    modules = loaded_by(f"import numpy as np; from dvr_cli.jit.kernels import compiled; {found}")
     assert "numba" in modules
     assert MASKED not in modules
 

@@ -74,7 +74,7 @@ def compile_for(sort: str, *halves: str) -> None:
     those follow by which later runs are set up.
     """
     os.environ["NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING"] = "1"  # thousands of errors are caught, none shown
-    from dvr_cli.jit import compile_in_turn
+    from dvr_cli.jit.turns import compile_in_turn
     from dvr_cli.relax.engines.handover import MOVES, TWINS
 
     Thread(target=_end_with_stdin, daemon=True).start()

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from dvr_cli.boundary.gaps import SLACK
-from dvr_cli.jit import compiled, full
+from dvr_cli.jit.arrays import full
+from dvr_cli.jit.kernels import compiled
 
 
 @compiled

@@ -149,6 +149,6 @@ def member_of(comm: Any, part: Part, kind: EngineKind, threads: int) -> Member:
 def take_turns(kind: EngineKind) -> None:
     """Have one of the ranks that share a place for compiled kernels compile them, while the others wait."""
     if kind.backend is COMPILED:
-        from dvr_cli.jit import compile_in_turn
+        from dvr_cli.jit.turns import compile_in_turn
 
         compile_in_turn()

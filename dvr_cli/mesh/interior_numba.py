@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, empty, inlined
+from dvr_cli.jit.arrays import empty
+from dvr_cli.jit.kernels import compiled, inlined
 from dvr_cli.mesh.hashing import mixed
 
 _mixed = inlined(mixed)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import ON_SURFACE, PLANAR, compiled_by_kind, inlined
+from dvr_cli.jit.kernels import inlined
+from dvr_cli.jit.kinds import ON_SURFACE, PLANAR, compiled_by_kind
 
 
 @compiled_by_kind

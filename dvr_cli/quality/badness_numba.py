@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import MEASURED, PLANAR, compiled_by_kind, inlined
+from dvr_cli.jit.kernels import inlined
+from dvr_cli.jit.kinds import MEASURED, PLANAR, compiled_by_kind
 from dvr_cli.quality.mean_ratio_numba import corner_terms_2d, corner_terms_3d, metric_norm
 
 

@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dvr_cli.jit import PLANAR, compiled, compiled_by_kind, empty, full, inlined, part, zeros
+from dvr_cli.jit.arrays import empty, full, zeros
+from dvr_cli.jit.kernels import compiled, inlined, part
+from dvr_cli.jit.kinds import PLANAR, compiled_by_kind
 from dvr_cli.quality.stretching import LIKELY, SEED, largest_log_aspect
 
 _LEVEL = np.log(LIKELY)

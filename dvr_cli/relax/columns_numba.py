@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import MEASURED, PLANAR, inlined
+from dvr_cli.jit.kernels import inlined
+from dvr_cli.jit.kinds import MEASURED, PLANAR
 from dvr_cli.quality.badness_numba import badness
 from dvr_cli.relax.problem import RingArrays
 

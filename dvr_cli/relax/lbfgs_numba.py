@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import inlined, part
+from dvr_cli.jit.kernels import inlined, part
 
 
 @part

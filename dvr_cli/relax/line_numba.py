@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import inlined
+from dvr_cli.jit.kernels import inlined
 from dvr_cli.quality.badness_numba import badness
 from dvr_cli.relax.columns_numba import (
     BADNESS,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import bits_of, inlined
+from dvr_cli.jit.arrays import bits_of
+from dvr_cli.jit.kernels import inlined
 from dvr_cli.relax.columns_numba import (
     BADNESS,
     POWER,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import compiled, empty, zeros
+from dvr_cli.jit.arrays import empty, zeros
+from dvr_cli.jit.kernels import compiled
 
 
 @compiled

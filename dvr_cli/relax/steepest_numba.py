@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import MEASURED, compiled_by_kind, inlined
+from dvr_cli.jit.kernels import inlined
+from dvr_cli.jit.kinds import MEASURED, compiled_by_kind
 from dvr_cli.relax.columns_numba import (
     ALONG,
     BADNESS,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dvr_cli.jit import compiled, inlined
+from dvr_cli.jit.kernels import compiled, inlined
 from dvr_cli.relax import uniform
 from dvr_cli.relax.uniform import DROPPED, HALF, LOW, UNIT
 

@@ -20,15 +20,15 @@ def kernels():
     """All functions of the package that are compiled for Python to call them."""
     from numba.core.dispatcher import Dispatcher
 
-    from dvr_cli.jit import _ByKind, _Part
+    from dvr_cli.jit.kinds import ByKind
 
     package = Path(dvr_cli.__file__).parent
     for path in sorted(package.rglob("*_numba.py")):
         module = import_module(".".join(("dvr_cli", *path.relative_to(package).with_suffix("").parts)))
         for value in vars(module).values():
-            if isinstance(value, Dispatcher) and not isinstance(value, _Part):
+            if isinstance(value, Dispatcher):
                 yield value
-            if isinstance(value, _ByKind):
+            if isinstance(value, ByKind):
                 for measured in MEASURED.get(value.__name__, (False,)):
                     yield from (value.of(planar, measured) for planar in (False, True))
                 if value.__name__ == "find_moves":

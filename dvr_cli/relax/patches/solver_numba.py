@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import MEASURED, ON_SURFACE, PLANAR, compiled_by_kind, empty, inlined, part
+from dvr_cli.jit.arrays import empty
+from dvr_cli.jit.kernels import inlined, part
+from dvr_cli.jit.kinds import MEASURED, ON_SURFACE, PLANAR, compiled_by_kind
 from dvr_cli.mesh.simplex_numba import determinant_2d, determinant_3d
 from dvr_cli.quality.altitudes_numba import extremes
 from dvr_cli.quality.badness_numba import badness

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dvr_cli.jit import compiled_over
+from dvr_cli.jit.kinds import compiled_over
 from dvr_cli.relax.surface import joint, overlay_numba, ring_numba, strides_numba, walk_numba
 
 COMPILED = compiled_over(

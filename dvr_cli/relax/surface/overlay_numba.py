@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dvr_cli.jit import bare, compiled_over
+from dvr_cli.jit.arrays import bare
+from dvr_cli.jit.kinds import compiled_over
 from dvr_cli.relax.surface import overlay
 
 COMPILED = compiled_over(overlay, ("renew",), {"bare": bare})

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dvr_cli.jit import ON_SURFACE, PLANAR, bare, inlined, zeros
+from dvr_cli.jit.arrays import bare, zeros
+from dvr_cli.jit.kernels import inlined
+from dvr_cli.jit.kinds import ON_SURFACE, PLANAR
 from dvr_cli.relax.columns_numba import (
     BADNESS,
     CURVATURE,

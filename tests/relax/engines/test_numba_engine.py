@@ -282,7 +282,7 @@ def test_no_place_for_a_cache_does_no_harm(tmp_path, monkeypatch):
     monkeypatch.setattr(caching._CacheLocator, "from_function", classmethod(lambda *_: None), raising=False)
     for locator in caching.CacheImpl._locator_classes:
         monkeypatch.setattr(locator, "from_function", classmethod(lambda *_: None))
-    from dvr_cli.jit import compiled
+    from dvr_cli.jit.kernels import compiled
 
     @compiled
     def twice(x: float) -> float:
@@ -357,7 +357,7 @@ print(*kinds())
 @pytest.mark.long
 def test_of_processes_that_take_turns_one_compiles(tmp_path):
     program = """
-from dvr_cli.jit import compile_in_turn
+from dvr_cli.jit.turns import compile_in_turn
 compile_in_turn()
 from dvr_cli.mesh.csr_numba import group
 import numpy as np
@@ -373,7 +373,7 @@ print(sum(group.stats.cache_misses.values()))
 @pytest.mark.parametrize(
     ("source", "matters"),
     [
-        *(pytest.param(source, True, marks=pytest.mark.long) for source in ("mesh/csr.py", "jit.py")),
+        *(pytest.param(source, True, marks=pytest.mark.long) for source in ("mesh/csr.py", "jit/kinds.py")),
         ("relax/patches/solver.py", True),
         ("cli/app.py", False),
     ],
@@ -388,7 +388,7 @@ def test_results_older_than_any_source_they_may_come_from_are_forgotten(tmp_path
     index = tmp_path / "function.nbi"
     index.touch()
     os.utime(index, (1e9 + 1, 1e9 + 1))
-    program = f"from dvr_cli.jit import forget_outdated; forget_outdated({str(tmp_path)!r})"
+    program = f"from dvr_cli.jit.on_disk import forget_outdated; forget_outdated({str(tmp_path)!r})"
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     subprocess.run([sys.executable, "-c", program], env=environment, check=True, cwd=tmp_path)
     assert index.exists() is not matters
@@ -472,7 +472,7 @@ def test_scipys_blas_is_loaded_for_those_who_call_it_and_for_no_kernel_here():
 import sys
 import numpy as np
 from numba import njit
-from dvr_cli.jit import compiled
+from dvr_cli.jit.kernels import compiled
 
 assert compiled(lambda a: a[0] + a[1])(np.ones(2)) == 2.0
 assert "scipy.linalg" not in sys.modules

@@ -1,0 +1,1 @@
+"""numba's compiler, set up for this package; importing what is in here imports numba."""
