@@ -1,5 +1,6 @@
 """The compiler as this package sets it up: what it keeps, and numba as it is for others in the process."""
 
+from itertools import count
 from types import FunctionType, ModuleType
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ from needs import require
 numba = require("numba")
 
 from numba.core import caching  # noqa: E402
+from numba.core.bytecode import FunctionIdentity  # noqa: E402
 from numba.core.caching import FunctionCache  # noqa: E402
 from numba.core.codegen import JITCodeLibrary  # noqa: E402
 from numba.core.types.functions import BaseFunction  # noqa: E402
@@ -116,6 +118,32 @@ def test_numba_hears_of_parts_when_it_compiles_what_calls_them(tmp_path, monkeyp
         assert kernel(values).tolist() == [1.0, 4.0, 7.0]
         assert hits(kernel) == found
         assert ("_dispatcher" in vars(names["tripled"])) == (not found)
+
+
+MEASURED = kinds.MEASURED
+
+
+@kernels.part
+def weighed(values):
+    """A part that is another one in a metric."""
+    return 2.0 * values if MEASURED else values
+
+
+def weighed_and_one(points, factor):
+    """A kernel that calls it."""
+    return weighed(points) + 1.0
+
+
+def test_parts_of_two_kinds_never_have_one_name(tmp_path, monkeypatch):
+    """Processes number functions alike, and each loads what others have kept: one name is to be one part."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    kernel, points, names = kinds.compiled_by_kind(weighed_and_one), np.ones((3, 2)), set()
+    for factor in (np.empty(0), np.ones(3)):
+        monkeypatch.setattr(FunctionIdentity, "_unique_ids", count(10**6))
+        assert kernel(points, factor).tolist() == np.full((3, 2), 2.0 + (len(factor) > 0)).tolist()
+        part = kernel.of(True, len(factor) > 0).py_func.__globals__["weighed"]
+        names |= {code.fndesc.mangled_name for code in part._dispatcher.overloads.values()}
+    assert len(names) == 2
 
 
 class Pair(NamedTuple):

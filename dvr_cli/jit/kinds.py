@@ -67,9 +67,7 @@ class ByKind:
         if kind not in self._kernels:
             with self._lock:
                 if kind not in self._kernels:
-                    name = f"{self.py_func.__name__}_{'2d' if planar else '3d'}{'_metric' * measured}"
-                    name += "_surface" * on_surface
-                    self._kernels[kind] = compiled(_settled(self.py_func, kind, name))
+                    self._kernels[kind] = compiled(_settled(self.py_func, kind))
         return self._kernels[kind]
 
 
@@ -93,13 +91,19 @@ _HOLDERS = {
 }
 
 
-def _settled(function: Any, kind: _Kind, name: str) -> Any:
-    """A copy of a function, of which all it calls is for meshes of a kind."""
+def _settled(function: Any, kind: _Kind) -> Any:
+    """A copy of a function, of which all it calls is for meshes of a kind.
+
+    It is named after the kind: where processes number functions alike, code that one has kept would else
+    call that of another kind in the next.
+    """
+    planar, measured, on_surface = kind
+    name = f"{function.__name__}_{'2d' if planar else '3d'}{'_metric' * measured}{'_surface' * on_surface}"
     known = function.__globals__
-    names = {name: _of_kind(known[name], kind) for name in function.__code__.co_names if name in known} | {
-        "PLANAR": kind[0],
-        "MEASURED": kind[1],
-        "ON_SURFACE": kind[2],
+    names = {each: _of_kind(known[each], kind) for each in function.__code__.co_names if each in known} | {
+        "PLANAR": planar,
+        "MEASURED": measured,
+        "ON_SURFACE": on_surface,
         "__name__": known["__name__"],
     }
     copy = FunctionType(function.__code__, names, name, function.__defaults__)
@@ -119,7 +123,7 @@ def _of_kind(value: Any, kind: _Kind) -> Any:
         return value
     function = value if plain else value.py_func
     if (function, kind) not in _parts:
-        copy = _settled(function, kind, function.__name__)
+        copy = _settled(function, kind)
         _parts[function, kind] = copy if plain else Part(copy, value.options)
     return _parts[function, kind]
 
