@@ -33,7 +33,7 @@ _Arrays = TypeVar("_Arrays")
 def bare(arrays: _Arrays) -> _Arrays:
     """An array, or a named tuple of arrays or of such tuples, as kernels read single numbers fastest.
 
-    Here these are memory views, whose items are plain numbers; compiled see ``jit.bare``.
+    Here these are memory views, whose items are plain numbers; compiled see ``jit.arrays.bare``.
     """
     if isinstance(arrays, tuple):
         return type(arrays)(*map(bare, arrays))
