@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dvr_cli.distributed.ranks import agree
-from dvr_cli.distributed.rows import asked, bounds, cuts, part_of, sent
+from dvr_cli.distributed.rows import asked, bounds, cuts, index_type, part_of, sent
 from dvr_cli.mesh.ranks import distinct_and_ranks
 
 
@@ -29,7 +29,7 @@ class Numbering:
         if numbers is None:
             return
         first, last = bounds(size, comm.size)[comm.rank : comm.rank + 2]
-        index = np.arange(first, last, dtype=np.int32 if size <= np.iinfo(np.int32).max else np.int64)
+        index = np.arange(first, last, dtype=index_type(size))
         if agree(comm, np.array_equal(numbers, base + np.arange(first, last))):
             return
         self._cuts = cuts(comm, np.sort(numbers))

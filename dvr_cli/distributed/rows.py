@@ -11,6 +11,11 @@ import numpy as np
 _SAMPLES, _FEWEST = 4096, 16
 
 
+def index_type(size: int) -> type[np.int32] | type[np.int64]:
+    """The integers that indices of ``size`` vertices are kept as: short ones where these do."""
+    return np.int32 if size <= np.iinfo(np.int32).max else np.int64
+
+
 def bounds(n: int, ranks: int) -> np.ndarray:
     """(ranks + 1,) the first of 0 .. n-1 that belongs to each rank, in ranges of one size but for one."""
     return np.array([n * rank // ranks for rank in range(ranks + 1)], dtype=np.int64)

@@ -10,7 +10,7 @@ import numpy as np
 
 from dvr_cli.distributed.numbering import Numbering
 from dvr_cli.distributed.ranks import agree
-from dvr_cli.distributed.rows import bounds, owner_of, sent
+from dvr_cli.distributed.rows import bounds, index_type, owner_of, sent
 from dvr_cli.distributed.shares import CellRows, Kinds, Store, joined
 from dvr_cli.errors import InputError
 from dvr_cli.files.ranges import Ranges, Table
@@ -89,12 +89,11 @@ def with_indices(comm: Any, ranges: Ranges, read: Read | None) -> tuple[Read, np
     numbering = Numbering(comm, size, ranges.base, None if read.numbers is None else read.numbers[:, 0])
     if not numbering.sound:
         return None
-    index = np.int32 if size <= np.iinfo(np.int32).max else np.int64
     good = True
     for nth, named in enumerate(read.cells):
         cells = numbering.find(named)
         good = good and _names_vertices(cells, size)
-        read.cells[nth] = cells.astype(index, copy=False)
+        read.cells[nth] = cells.astype(index_type(size), copy=False)
     if not agree(comm, good):
         return None
     linked = np.empty(0, dtype=np.int64)

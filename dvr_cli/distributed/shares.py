@@ -14,7 +14,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dvr_cli.distributed.rows import asked, bounds, owner_of, places, sent, swapped, swapped_rows
+from dvr_cli.distributed.rows import (
+    asked,
+    bounds,
+    index_type,
+    owner_of,
+    places,
+    sent,
+    swapped,
+    swapped_rows,
+)
 from dvr_cli.mesh.cell_types import CELL_TYPES
 from dvr_cli.mesh.mesh import Cells, Mesh
 from dvr_cli.mesh.morton import morton_codes
@@ -314,8 +323,7 @@ class Store:
             rows.append(np.flatnonzero(new))
             to.append(owners[new, column])
         which = np.concatenate(rows)
-        if self.size <= np.iinfo(np.int32).max:
-            by_number = by_number.astype(np.int32)
+        by_number = by_number.astype(index_type(self.size), copy=False)
         columns = cells.ids[which], by_number[which], cells.kinds[which]
         found = CellRows(*sent(comm, np.concatenate(to), *columns))
         order = np.argsort(found.ids)
